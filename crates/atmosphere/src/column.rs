@@ -1,0 +1,45 @@
+//! The state of the air over the site, and the sun.
+
+use sunglint_radiometry::WorldDir;
+
+/// The column that a provider solves: what the weather block says, and for the rest the named profile at the site's
+/// elevation. `None` means that the scene says nothing and the provider takes the profile's value.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Column {
+    /// Named profile: `us_standard`, `tropical`, `midlatitude_summer`, …
+    pub profile: String,
+    /// Elevation of z = 0 above sea level \[m\].
+    pub elevation: f64,
+    /// Surface pressure \[hPa\].
+    pub pressure: Option<f64>,
+    /// Surface temperature \[K\].
+    pub temperature: Option<f64>,
+    /// Surface relative humidity, 0..1.
+    pub humidity: Option<f64>,
+    /// Column of precipitable water \[g cm⁻²\].
+    pub water: Option<f64>,
+    /// Column of ozone \[atm-cm\].
+    pub ozone: Option<f64>,
+    /// Column of nitrogen dioxide \[atm-cm\].
+    pub no2: Option<f64>,
+    /// Meteorological range \[m\] (Koschmieder, 2 % contrast).
+    pub visibility: Option<f64>,
+    /// Aerosol optical depth at 550 nm.
+    pub aod: Option<f64>,
+    /// Albedo A of the ground that the atmosphere sees, one value per grid entry; 0 where `adjacency off`.
+    pub ground_albedo: Vec<f64>,
+}
+
+/// Where the sun is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sun {
+    /// Towards the refracted sun. Shadows, glint and τ₁ use this.
+    pub apparent: WorldDir,
+    /// Unrefracted zenith angle \[rad\].
+    pub true_zenith: f64,
+    /// Earth–Sun distance \[au\].
+    pub distance: f64,
+    /// Ordinal day of the year, 1 for the first of January; providers whose formulas take the day use it. 0 where the
+    /// sun is given by angles.
+    pub day_of_year: u16,
+}

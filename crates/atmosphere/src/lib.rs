@@ -1,0 +1,68 @@
+//! Atmospheres behind one trait, one provider a file, and the position of the sun.
+
+mod column;
+mod coverage;
+mod embedded;
+mod haze;
+mod interpolation;
+mod none;
+mod profile;
+mod quadrature;
+mod sightline;
+mod sky;
+mod sky_shape;
+mod spectrl2;
+mod sun;
+mod table;
+mod vertical;
+
+pub use column::{Column, Sun};
+pub use sky::{Needs, Path, SkyState};
+pub use spectrl2::{Spectrl2Aerosol, Spectrl2Inputs, Spectrl2Point, relative_air_mass, spectrl2_at_table};
+pub use sun::{Daylight, Place, SunError, SunEvents, SunPosition, sun_position, sunrise_sunset};
+
+use sunglint_plugin::Model;
+use sunglint_radiometry::{Bin, SpectralGrid};
+
+/// The atmospheres this build knows.
+pub const BUILTIN: &[Model<dyn Atmosphere>] = &[none::MODEL, table::MODEL, spectrl2::MODEL];
+
+/// Why a provider gives no answer.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+#[error("{message}")]
+pub struct AtmosphereError {
+    /// Diagnostic code of `docs/LANGUAGE.md`, `A01`…`A03` or `M04` (a table that does not cover a band).
+    pub code: &'static str,
+    /// What is wrong.
+    pub message: String,
+}
+
+/// A provider of E_s, τ₁, τ₂, L_d and L_u.
+pub trait Atmosphere: Send + Sync {
+    /// Weights of the absorption quadrature points g that the provider wants in a bin; they sum to 1.
+    fn g_weights(&self, bin: &Bin) -> Vec<f64> {
+        let _ = bin;
+        vec![1.0]
+    }
+
+    /// Wavelengths \[µm\] where the provider's own tables have corners, so that bin edges can fall on them.
+    fn nodes(&self) -> Vec<f64> {
+        Vec::new()
+    }
+
+    /// Names of the fields of the weather block that the provider uses (`visibility`, `aod`, `pressure`, …).
+    fn uses(&self) -> &'static [&'static str];
+
+    /// Whether `sky_weights` depends on direction, so that an algorithm may ask for a directional sky.
+    fn has_directional_sky(&self) -> bool;
+
+    /// Solves one column for many suns at once, since most of the work does not depend on the sun; the answers are in
+    /// the order of `suns`. A provider computes no more than `needs` says.
+    fn solve(
+        &self,
+        column: &Column,
+        suns: &[Sun],
+        grid: &SpectralGrid,
+        needs: &Needs,
+    ) -> Result<Vec<Box<dyn SkyState>>, AtmosphereError>;
+}

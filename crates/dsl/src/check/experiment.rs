@@ -1,0 +1,343 @@
+//! Experiments: what is run on a scene.
+
+use std::collections::BTreeMap;
+
+use sunglint_plugin::Role;
+use sunglint_radiometry::Dimension;
+
+use super::block::{Body, Braces, Line, Rule, later, rule};
+use super::material::Identities;
+use super::names::Kind;
+use super::value::Quantity;
+use super::{Checker, Entity};
+use crate::ast::{Item, Value};
+use crate::nearest::{list, nearest};
+use crate::scene::{Accuracy, Experiment, Material, ModelUse, Products, Sensor, Weather};
+use crate::{Diagnostic, Severity, Span};
+
+/// The statements of an experiment's block.
+pub(super) const EXPERIMENT: &[Rule] = &[
+    rule("algorithm", "algorithm split").leading(1).braces(Braces::Optional),
+    rule("atmosphere", "atmosphere MODEL").leading(1).braces(Braces::Optional),
+    rule("weather", "weather { … }").braces(Braces::Required),
+    rule("define", "define NAME VALUE").many().leading(2).later(Severity::Error),
+    rule("reflectance", "reflectance split else ideal for NAMES")
+        .many()
+        .leading(1)
+        .clauses(&[rule("else", "else MODEL").many().word(), rule("for", "for MATERIALS").word()]),
+    rule("sensor", "sensor NAMES"),
+    rule("collect", "collect NAMES"),
+    rule("error", "error 1 %").excludes(&["samples", "time"]).clauses(&[rule("floor", "floor RADIANCE")]),
+    rule("samples", "samples COUNT").excludes(&["error", "time"]),
+    rule("time", "time TIME").excludes(&["error", "samples"]).later(Severity::Error),
+    rule("seed", "seed COUNT"),
+    rule("products", "products NAMES"),
+];
+
+const PRODUCTS: &[&str] = &["radiance", "truth", "preview", "surface_radiance", "counts", "reflectance_factor"];
+/// What an experiment asks where it says nothing.
+const ACCURACY: Accuracy = Accuracy::Error { relative: 0.01, floor: None };
+const SEED: u64 = 1;
+const MOST_SAMPLES: u64 = 1 << 24;
+
+/// Whether a `reflectance` line of a child says again one of its parent: both for all, or for the same materials.
+pub(super) fn same_selection(old: &Line, new: &Line) -> bool {
+    let materials = |line: &Line| -> Vec<String> {
+        let named = line.items.iter().skip_while(|item| !matches!(&item.value, Value::Word(word) if word == "for"));
+        named.skip(1).map(|item| format!("{:?}", words(item))).collect()
+    };
+    old.key == "reflectance" && new.key == "reflectance" && materials(old) == materials(new)
+}
+
+fn words(item: &Item) -> Vec<&str> {
+    match &item.value {
+        Value::Word(word) => vec![word.as_str()],
+        Value::List { rows, .. } => rows.iter().flatten().flat_map(words).collect(),
+        _ => Vec::new(),
+    }
+}
+
+/// What experiments choose from.
+pub(super) struct Choice<'s> {
+    pub materials: &'s [Material],
+    pub identities: &'s [Identities],
+    pub sensors: &'s [Sensor],
+    pub n_collects: usize,
+    pub atmosphere: &'s ModelUse,
+    /// Whether all of these could be read.
+    pub whole: bool,
+}
+
+/// A line `reflectance split else ideal`, read.
+struct Chain {
+    models: Vec<String>,
+    span: Span,
+}
+
+impl<'a> Checker<'a> {
+    /// The experiment of a scene that has none.
+    pub(super) fn default_experiment(&mut self, choice: &Choice) -> Experiment {
+        Experiment {
+            name: "default".to_string(),
+            algorithm: self.default_model(Role::Algorithm, "split"),
+            atmosphere: choice.atmosphere.clone(),
+            weather: None,
+            models: self.selection(&Body::default(), choice),
+            sensors: (0..choice.sensors.len()).collect(),
+            collects: (0..choice.n_collects).collect(),
+            accuracy: ACCURACY,
+            seed: SEED,
+            products: Products { radiance: true, truth: true, preview: true, surface_radiance: false },
+            span: None,
+        }
+    }
+
+    pub(super) fn experiment(&mut self, entity: &Entity<'a>, body: &Body<'a>, choice: &Choice) -> Experiment {
+        self.in_experiment = true;
+        let algorithm = body.get("algorithm").and_then(|line| self.named_model(&line, Role::Algorithm));
+        let atmosphere = body.get("atmosphere").and_then(|line| self.named_model(&line, Role::Atmosphere));
+        let mut weather: Option<Weather> = None;
+        for line in body.all("weather") {
+            self.surplus(&line, line.items, 0);
+            let said = self.weather(&line, None);
+            weather = Some(weather.map_or_else(|| said.clone(), |before| before.overridden(&said)));
+        }
+        let chosen = |checker: &mut Self, key: &'static str, kind: Kind, n: usize| match body.get(key) {
+            Some(line) => checker.references(&line, line.items, kind),
+            None => Some((0..n).collect()),
+        };
+        let sensors = chosen(self, "sensor", Kind::Sensor, choice.sensors.len());
+        let collects = chosen(self, "collect", Kind::Collect, choice.n_collects);
+        if let (Some(sensors), Some(collects)) = (&sensors, &collects)
+            && choice.whole
+        {
+            let seen = |sensor: &usize| choice.sensors[*sensor].collects.iter().any(|c| collects.contains(c));
+            if !sensors.is_empty() && !collects.is_empty() && !sensors.iter().any(seen) {
+                let message = format!("the experiment `{}` leaves nothing to do", entity.shown());
+                let span = body.get("collect").or(body.get("sensor")).map_or(entity.line.span(), |line| line.span());
+                let fault =
+                    Diagnostic::error("X01", span, message).label("no sensor takes part in these collection sets");
+                self.report(fault);
+            }
+        }
+        let accuracy = self.accuracy(body).unwrap_or(ACCURACY);
+        let seed = body.get("seed").and_then(|line| self.count(&line, 0, u64::MAX)).unwrap_or(SEED);
+        let products = body.get("products").and_then(|line| self.products(&line));
+        let models = self.selection(body, choice);
+        self.in_experiment = false;
+        let default = self.default_experiment_parts();
+        Experiment {
+            name: entity.shown().to_string(),
+            algorithm: algorithm.unwrap_or(default.0),
+            atmosphere: atmosphere.unwrap_or_else(|| choice.atmosphere.clone()),
+            weather,
+            models,
+            sensors: sensors.unwrap_or_default(),
+            collects: collects.unwrap_or_default(),
+            accuracy,
+            seed,
+            products: products.unwrap_or(default.1),
+            span: Some(entity.line.span()),
+        }
+    }
+
+    fn default_experiment_parts(&self) -> (ModelUse, Products) {
+        let products = Products { radiance: true, truth: true, preview: true, surface_radiance: false };
+        (self.default_model(Role::Algorithm, "split"), products)
+    }
+
+    fn accuracy(&mut self, body: &Body<'a>) -> Option<Accuracy> {
+        if let Some(line) = body.get("samples") {
+            return self.count(&line, 1, MOST_SAMPLES).map(|samples| Accuracy::Samples(samples as u32));
+        }
+        let line = body.get("error")?;
+        let (items, clauses) = self.clauses(&line);
+        let share = Quantity { percent: true, ..Quantity::new(Dimension::Fraction).positive(1.0).usual("%") };
+        let radiance = Quantity::new(Dimension::Radiance).positive(1e12);
+        let floor = clauses.get("floor").map(|line| self.quantity(&line, &radiance));
+        let relative = self.quantity_at(&line, items, &share)?;
+        Some(Accuracy::Error { relative, floor: floor.map_or(Some(None), |floor| floor.map(Some))? })
+    }
+
+    fn products(&mut self, line: &Line<'a>) -> Option<Products> {
+        let Some(item) = line.items.first() else {
+            self.absent(line, "names of products");
+            return None;
+        };
+        let mut products = Products { radiance: false, truth: false, preview: false, surface_radiance: false };
+        let mut good = true;
+        let mut any = false;
+        for member in self.members(line, item)? {
+            let given = self.resolve(member, PRODUCTS);
+            let Value::Word(word) = given.value else {
+                self.wrong(line, &given, "the name of a product");
+                return None;
+            };
+            match word.as_str() {
+                "radiance" => products.radiance = true,
+                "truth" => products.truth = true,
+                "preview" => products.preview = true,
+                "surface_radiance" => products.surface_radiance = true,
+                "counts" | "reflectance_factor" => {
+                    self.report(later(Severity::Warning, given.span, word));
+                    continue;
+                }
+                _ => {
+                    let near = nearest(word, PRODUCTS.iter().copied()).map(|near| format!("`{near}`?"));
+                    let fault = self.misfit(&given, "X01", format!("there is no product `{word}`"));
+                    let fault = fault.label(near.unwrap_or_default());
+                    self.report(fault.help(format!("known: {}", PRODUCTS.join(", "))));
+                    good = false;
+                }
+            }
+            any = true;
+        }
+        self.surplus(line, line.items, 1);
+        if !any {
+            let fault = Diagnostic::error("X01", line.span(), "this leaves nothing to write").label("radiance?");
+            self.report(fault.help(format!("known: {}", PRODUCTS.join(", "))));
+            return None;
+        }
+        good.then_some(products)
+    }
+
+    /// For each used material the model it takes: a line with `for` goes before one without; with neither, its first.
+    fn selection(&mut self, body: &Body<'a>, choice: &Choice) -> Vec<Option<usize>> {
+        let mut general: Option<Chain> = None;
+        let mut special: BTreeMap<usize, (usize, bool)> = BTreeMap::new();
+        let mut chains: Vec<Chain> = Vec::new();
+        let mut sound = !body.faulty.contains("reflectance");
+        // Own lines before inherited ones: they win.
+        let own = body.all("reflectance").filter(|line| !line.inherited);
+        let lines: Vec<Line<'a>> = own.chain(body.all("reflectance").filter(|line| line.inherited)).collect();
+        for line in lines {
+            let (chain, materials) = self.chain(&line, choice);
+            let (Some(chain), Some(materials)) = (chain, materials) else {
+                sound = false;
+                continue;
+            };
+            let Some(materials) = materials else {
+                match &general {
+                    None => general = Some(chain),
+                    Some(_) if line.inherited => {}
+                    Some(first) => {
+                        let message = "two lines select models for all materials";
+                        let fault = Diagnostic::error("S05", line.span(), message).label("`for MATERIALS`?");
+                        let first = first.span;
+                        self.report(fault.note(first, "the first"));
+                    }
+                }
+                continue;
+            };
+            chains.push(chain);
+            let index = chains.len() - 1;
+            for material in materials {
+                match special.get(&material) {
+                    None => {
+                        special.insert(material, (index, line.inherited));
+                    }
+                    Some((_, _)) if line.inherited => {}
+                    Some((first, _)) => {
+                        let name = choice.materials.get(material).map_or("", |material| &material.name);
+                        let message = format!("two lines select a model for `{name}`");
+                        let fault = Diagnostic::error("S05", line.span(), message).label("name it in one line only");
+                        let first = chains[*first].span;
+                        self.report(fault.note(first, "the first"));
+                    }
+                }
+            }
+        }
+        let mut lacking: BTreeMap<(u32, u32), (Span, Vec<String>, Vec<usize>)> = BTreeMap::new();
+        let models = (choice.materials.iter().enumerate())
+            .map(|(i, material)| {
+                let have = &choice.identities[i];
+                if !material.used || have.is_empty() {
+                    return None;
+                }
+                let chain = special.get(&i).map(|(chain, _)| &chains[*chain]).or(general.as_ref());
+                let Some(chain) = chain else { return Some(0) };
+                let found = chain.models.iter().find_map(|model| have.iter().position(|own| own == model));
+                if found.is_none() && sound {
+                    let key = (chain.span.file.0, chain.span.start);
+                    lacking.entry(key).or_insert((chain.span, chain.models.clone(), Vec::new())).2.push(i);
+                }
+                found
+            })
+            .collect();
+        for (span, wanted, materials) in lacking.into_values() {
+            let describe = |i: usize| {
+                let have: Vec<String> = choice.identities[i].iter().map(|name| format!("`{name}`")).collect();
+                format!("`{}` has {}", choice.materials[i].name, have.join(", "))
+            };
+            let wanted: Vec<String> = wanted.iter().map(|name| format!("`{name}`")).collect();
+            let message =
+                format!("the material `{}` has no model {}", choice.materials[materials[0]].name, wanted.join(" or "));
+            let mut fault = Diagnostic::error("M02", span, message).label(describe(materials[0]));
+            for i in materials.iter().take(8) {
+                fault = fault.note(choice.materials[*i].span, describe(*i));
+            }
+            let other = choice.identities[materials[0]].first().map_or("ideal", String::as_str);
+            self.report(fault.help(format!("add `else {other}`, or give the material such a model")));
+        }
+        models
+    }
+
+    /// The models of one line, and its materials where it names them.
+    #[allow(clippy::type_complexity, reason = "two answers, each of which may have failed")]
+    fn chain(&mut self, line: &Line<'a>, choice: &Choice) -> (Option<Chain>, Option<Option<Vec<usize>>>) {
+        let (items, clauses) = self.clauses(line);
+        let materials = match clauses.get("for") {
+            Some(clause) => self.references(&clause, clause.items, Kind::Material).map(Some),
+            None => Some(None),
+        };
+        let elses: Vec<Line<'a>> = clauses.all("else").collect();
+        let mut models = Vec::new();
+        let mut good = !clauses.obscure;
+        if items.is_empty() {
+            self.absent(line, "the name of a model");
+            good = false;
+        }
+        self.surplus(line, items, 1);
+        let named = items.first().map(|item| (*line, item));
+        for clause in &elses {
+            if clause.items.is_empty() {
+                self.absent(clause, "the name of a model");
+                good = false;
+            }
+            self.surplus(clause, clause.items, 1);
+        }
+        let named = named.into_iter().chain(elses.iter().filter_map(|clause| Some((*clause, clause.items.first()?))));
+        for (clause, item) in named {
+            match self.model_name(&clause, item, choice) {
+                Some(name) => models.push(name),
+                None => good = false,
+            }
+        }
+        (good.then_some(Chain { models, span: line.span() }), materials)
+    }
+
+    fn model_name(&mut self, line: &Line<'a>, item: &'a Item, choice: &Choice) -> Option<String> {
+        let mut known: Vec<&str> = self.catalog.of(Role::Reflectance).map(|info| info.name).collect();
+        known.extend(choice.identities.iter().flatten().map(String::as_str));
+        known.sort_unstable();
+        known.dedup();
+        let given = self.resolve(item, &known);
+        let Value::Word(name) = given.value else {
+            self.wrong(line, &given, "the name of a model");
+            return None;
+        };
+        if known.contains(&name.as_str()) {
+            return Some(name.clone());
+        }
+        if self.comes_later(Role::Reflectance, name) {
+            let have = list(self.catalog.of(Role::Reflectance).map(|info| info.name));
+            self.report(later(Severity::Error, given.span, name).help(format!("this version has {have}")));
+        } else if !self.excused(name) {
+            let near = nearest(name, known.iter().copied()).map(|near| format!("`{near}`?")).unwrap_or_default();
+            let message = format!("`{name}` is no reflectance model, and no material has a model of that label");
+            let fault = self.misfit(&given, "N02", message).label(near);
+            self.report(fault.help(format!("known: {}", list(known))));
+        }
+        None
+    }
+}

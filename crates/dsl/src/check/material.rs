@@ -1,0 +1,193 @@
+//! Materials.
+
+use std::collections::BTreeMap;
+
+use sunglint_plugin::{Role, Value as Arg};
+use sunglint_radiometry::Dimension;
+
+use super::block::{Body, Braces, Line, Owner, Rule, later, rule};
+use super::model::LATER;
+use super::names::Kind;
+use super::spectrum::SPECTRUM;
+use super::value::{Quantity, SHARE};
+use super::{Checker, Entity};
+use crate::ast::{Item, Value};
+use crate::nearest::{list, nearest};
+use crate::scene::{Material, ModelUse};
+use crate::{Diagnostic, Severity, Span};
+
+const MATERIAL: &[Rule] = &[
+    rule("title", "title STRING"),
+    rule("source", "source STRING"),
+    rule("licence", "licence STRING"),
+    rule("reflectance", "reflectance SPECTRUM").clauses(SPECTRUM),
+    rule("emission", "emission SPECTRUM").clauses(SPECTRUM),
+];
+
+/// Clauses of `material NAME`.
+pub(super) const MATERIAL_HEAD: &[Rule] = &[rule("code", "code COUNT"), rule("like", "like MATERIAL").word()];
+
+/// The name by which experiments pick a model: its label, or its own.
+pub(super) fn identity<'l>(line: &Line<'l>) -> &'l str {
+    match line.items {
+        [Item { value: Value::Word(label), .. }, ..] => label,
+        _ => line.key,
+    }
+}
+
+/// What an experiment can pick from a material, in order.
+pub(super) type Identities = Vec<String>;
+
+impl<'a> Checker<'a> {
+    /// The statements of a material's block: its own, and a statement for each model.
+    pub(super) fn material_rules(&self) -> Vec<Rule> {
+        let model = |name| rule(name, "MODEL LABEL { … }").many().leading(1).braces(Braces::Optional);
+        let known = self.catalog.of(Role::Reflectance).map(|info| model(info.name));
+        let coming = LATER.iter().filter(|(role, name)| *role == Role::Reflectance && self.comes_later(*role, name));
+        let coming = coming.map(|(_, name)| model(name).later(Severity::Error));
+        MATERIAL.iter().copied().chain(known).chain(coming).collect()
+    }
+
+    /// Codes in truth maps: given, or from 1000 up.
+    pub(super) fn codes(&mut self, materials: &[Entity<'a>]) -> Vec<u16> {
+        let mut taken: BTreeMap<u16, (Span, &str)> = BTreeMap::new();
+        let mut codes: Vec<Option<u16>> = Vec::with_capacity(materials.len());
+        for material in materials {
+            let line = material.head.get("code");
+            let code = line.and_then(|line| self.count(&line, 1, 65_535)).map(|code| code as u16);
+            if let (Some(code), Some(line)) = (code, line) {
+                if let Some((first, other)) = taken.get(&code) {
+                    let message = format!("`{}` and `{other}` have one code, {code}", material.shown());
+                    let fault = Diagnostic::error("M01", line.span(), message).label("another code, or none");
+                    let first = *first;
+                    self.report(fault.note(first, "first given here"));
+                } else {
+                    taken.insert(code, (line.span(), material.shown()));
+                }
+            }
+            codes.push(code);
+        }
+        let mut next = 1000u32;
+        let mut full = false;
+        let out = (codes.iter())
+            .map(|code| {
+                code.unwrap_or_else(|| {
+                    while u16::try_from(next).is_ok_and(|next| taken.contains_key(&next)) {
+                        next += 1;
+                    }
+                    full |= next > 65_535;
+                    next += 1;
+                    u16::try_from(next - 1).unwrap_or(u16::MAX)
+                })
+            })
+            .collect();
+        if full && let Some(last) = materials.last() {
+            let message = "there are more materials than codes from 1000 to 65535";
+            self.report(
+                Diagnostic::error("M01", last.line.span(), message).label("fewer materials, or codes below 1000"),
+            );
+        }
+        out
+    }
+
+    /// Whether a material is written in this scene; the others come from the database.
+    pub(super) fn is_written(&mut self, material: &Entity<'a>) -> bool {
+        if material.line.block.is_some() || material.head.said("like") {
+            return true;
+        }
+        let name = material.shown().to_string();
+        let near = nearest(&name, self.names.of(Kind::Material).filter(|other| *other != name));
+        let fault = later(Severity::Error, material.line.span(), &format!("material {name}"));
+        let help =
+            "a material without a block is one of the database's; give it a block such as `{ ideal { diffuse 0.1 } }`";
+        self.report(match near {
+            Some(near) => fault.help(format!("{help}; the scene has `{near}`")),
+            None => fault.help(help),
+        });
+        false
+    }
+
+    /// A material; its files are opened only where it is used.
+    pub(super) fn material(
+        &mut self,
+        entity: &Entity<'a>,
+        body: &Body<'a>,
+        code: u16,
+        used: bool,
+    ) -> (Material, Identities) {
+        self.opening = used;
+        let owner = Owner::new("a material", &entity.line);
+        let title = body.get("title").and_then(|line| self.text(&line)).map(|(text, _)| text.to_string());
+        for key in ["source", "licence"] {
+            if let Some(line) = body.get(key) {
+                self.text(&line);
+            }
+        }
+        let mut spans = BTreeMap::new();
+        let radiance = Quantity::new(Dimension::Radiance).within(0.0, 1e12);
+        let mut spectrum = |checker: &mut Self, key: &'static str, q: &Quantity| {
+            let line = body.get(key)?;
+            spans.insert(key, line.span());
+            checker.spectrum(&line, q)
+        };
+        let reflectance = spectrum(self, "reflectance", &SHARE.code("M05"));
+        let emission = spectrum(self, "emission", &radiance);
+
+        let mut identities: Identities = Vec::new();
+        let mut places: Vec<Span> = Vec::new();
+        let mut lines = Vec::new();
+        for line in body.lines.iter().filter(|line| self.catalog.find(Role::Reflectance, line.key).is_some()) {
+            let name = identity(line);
+            if !line.items.is_empty() && name == line.key && !matches!(line.items[0].value, Value::Word(_)) {
+                self.surplus(line, line.items, 0);
+                continue;
+            }
+            self.surplus(line, line.items, 1);
+            if let Some(i) = identities.iter().position(|known| known == name) {
+                let message = format!("`{name}` stands twice in this material");
+                let fault =
+                    Diagnostic::error("M03", line.span(), message).label("give it a label: `MODEL LABEL { … }`");
+                self.report(fault.note(places[i], "first here"));
+                continue;
+            }
+            identities.push(name.to_string());
+            places.push(line.span());
+            lines.push(*line);
+        }
+        let mut models: Vec<ModelUse> = Vec::new();
+        for (line, name) in lines.iter().zip(&identities) {
+            let Some(info) = self.catalog.find(Role::Reflectance, line.key) else { continue };
+            let label = (!line.items.is_empty()).then(|| name.clone());
+            let info = *info;
+            let mut model =
+                self.model_use(Role::Reflectance, &info, line.key_span, label, line.block, Some(&identities));
+            if let Some(total) = &reflectance
+                && !model.param_spans.contains_key("reflectance")
+            {
+                model.args.set("reflectance", Arg::Spectrum(total.clone()));
+                if let Some(line) = body.get("reflectance") {
+                    model.param_spans.insert("reflectance".to_string(), line.value_span());
+                }
+            }
+            models.push(model);
+        }
+        let is_model = |key: &str| !MATERIAL.iter().any(|rule| rule.key == key);
+        if used && identities.is_empty() && !body.obscure && !body.faulty.iter().any(|key| is_model(key)) {
+            let name = entity.shown();
+            if !self.spoilt(owner.extent) {
+                let have = list(self.catalog.of(Role::Reflectance).map(|info| info.name));
+                let message = format!("the material `{name}` is used but has no model");
+                let cure = if reflectance.is_some() { "ideal" } else { "ideal { diffuse 0.1 }" };
+                let fault = Diagnostic::error("S05", entity.name_span, message).label(format!("`{cure}`?"));
+                self.report(fault.help(format!("models: {have}")));
+            }
+        }
+        if !used {
+            models.clear();
+        }
+        self.opening = true;
+        let name = entity.shown().to_string();
+        let span = entity.line.span();
+        (Material { name, code, title, reflectance, emission, models, used, span, spans }, identities)
+    }
+}

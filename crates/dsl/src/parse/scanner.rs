@@ -1,0 +1,715 @@
+//! Splits a text into statements and blocks, and reads lists and runs of points.
+
+use super::brace::{Unmatched, unmatched};
+use super::fault::Faults;
+use super::item::{self, Lexeme, Token};
+use super::line::Line;
+use super::mark::{comment, foreign_comment, line_end, number, number_end, quoted};
+use super::{MAX_DEPTH, spelling};
+use crate::ast::{Block, Item, Statement, Value};
+use crate::{Diagnostic, Span};
+
+/// The statements of a text.
+pub(super) fn statements(text: &str, faults: Faults) -> Vec<Statement> {
+    let mut faults = faults;
+    let braces = unmatched(text, &mut faults);
+    let mut scanner = Scanner {
+        text,
+        bytes: text.as_bytes(),
+        pos: 0,
+        braces,
+        faults,
+        line: Line::default(),
+        nested: 0,
+        nested_told: false,
+    };
+    let statements = scanner.statements(0);
+    scanner.faults.close();
+    statements
+}
+
+struct Scanner<'a> {
+    text: &'a str,
+    bytes: &'a [u8],
+    pos: usize,
+    braces: Unmatched,
+    faults: Faults<'a>,
+    line: Line,
+    /// Lists within the list that is being read.
+    nested: usize,
+    /// Whether that was reported.
+    nested_told: bool,
+}
+
+/// What a blank stretch between statements held.
+#[derive(Default)]
+struct Blank {
+    newline: bool,
+    comma: Option<usize>,
+}
+
+impl Scanner<'_> {
+    fn peek(&self) -> Option<u8> {
+        self.bytes.get(self.pos).copied()
+    }
+
+    fn char(&self) -> char {
+        self.text[self.pos..].chars().next().unwrap_or(' ')
+    }
+
+    /// The statements up to the end of a block, its `}` included, or of the text.
+    fn statements(&mut self, depth: usize) -> Vec<Statement> {
+        let mut statements = Vec::new();
+        // Behind a value that stands without a key, those that follow on its line say nothing new.
+        let mut quiet = false;
+        loop {
+            let blank = self.blank();
+            quiet &= !blank.newline;
+            if depth > 0 && self.braces.take_implied(self.pos) {
+                return statements;
+            }
+            let Some(byte) = self.peek() else { return statements };
+            match byte {
+                b'}' => {
+                    let closes = depth > 0 && !self.braces.is_stray(self.pos);
+                    self.pos += 1;
+                    if closes {
+                        return statements;
+                    }
+                }
+                b'{' => {
+                    let span = self.faults.span(self.pos, self.pos + 1);
+                    let fault = Diagnostic::error("S02", span, "this block belongs to no statement");
+                    self.faults.push(fault.label("a word is missing before `{`"));
+                    self.skip_block();
+                }
+                _ if self.at_word() => {
+                    statements.extend(self.statement(depth));
+                    quiet = false;
+                }
+                _ => {
+                    if !quiet {
+                        self.report_keyless(&blank);
+                    }
+                    self.faults.mute(true);
+                    self.header();
+                    if self.peek() == Some(b'{') {
+                        self.skip_block();
+                    }
+                    self.faults.mute(false);
+                    quiet = true;
+                }
+            }
+        }
+    }
+
+    /// Skips what stands between statements.
+    fn blank(&mut self) -> Blank {
+        let mut blank = Blank::default();
+        while let Some(byte) = self.peek() {
+            match byte {
+                b'\n' => blank.newline = true,
+                b',' => blank.comma = Some(self.pos),
+                b' ' | b'\t' | b'\r' => {}
+                b';' => {
+                    self.report_semicolon();
+                    blank.comma = Some(self.pos);
+                }
+                _ if comment(self.bytes, self.pos) => {
+                    self.skip_comment();
+                    continue;
+                }
+                _ => break,
+            }
+            self.pos += 1;
+        }
+        blank
+    }
+
+    fn report_semicolon(&mut self) {
+        let span = self.faults.span(self.pos, self.pos + 1);
+        self.faults.push(
+            Diagnostic::error("S02", span, "a statement ends with its line or at a comma, not at `;`").label("`,`?"),
+        );
+    }
+
+    fn skip_comment(&mut self) {
+        if foreign_comment(self.bytes, self.pos) {
+            let span = self.faults.span(self.pos, self.pos + 2);
+            let message = format!("`{}` begins no comment", &self.text[self.pos..self.pos + 2]);
+            self.faults.push(Diagnostic::error("S02", span, message).label("`#`?"));
+        }
+        self.pos = line_end(self.bytes, self.pos);
+    }
+
+    /// Whether a statement begins here.
+    fn at_word(&self) -> bool {
+        match self.peek() {
+            Some(byte) if byte < 0x80 => byte.is_ascii_alphabetic(),
+            Some(_) => is_letter(self.char()),
+            None => false,
+        }
+    }
+
+    /// Whether a value begins at `at`, with which a line continues the statement above.
+    fn value_at(&self, at: usize) -> bool {
+        match self.bytes.get(at..) {
+            Some([b'(' | b'[' | b'"' | b'0'..=b'9', ..]) => true,
+            Some([b'+' | b'-', b'0'..=b'9', ..] | [b'.', b'0'..=b'9', ..] | [b'+' | b'-', b'.', b'0'..=b'9', ..]) => {
+                true
+            }
+            Some([byte, ..]) if *byte >= 0x80 => {
+                let mut rest = self.text[at..].chars();
+                match rest.next().and_then(spelling::ascii) {
+                    Some("\"") => true,
+                    Some("-") => rest.next().is_some_and(|next| next.is_ascii_digit()),
+                    _ => false,
+                }
+            }
+            _ => false,
+        }
+    }
+
+    fn report_keyless(&mut self, blank: &Blank) {
+        let start = self.pos;
+        if !self.value_at(start) {
+            let end = start + self.char().len_utf8();
+            let sign = spelling::shown(self.char());
+            let fault =
+                Diagnostic::error("S02", self.faults.span(start, end), format!("no statement begins with `{sign}`"));
+            return self.faults.push(fault.label("a statement is a word, then its values"));
+        }
+        let rest = &self.text[start..line_end(self.bytes, start)];
+        let len = match rest.as_bytes()[0] {
+            b'(' => rest.find(')').map_or(1, |i| i + 1),
+            _ if quoted(self.bytes, start).is_some() => {
+                quoted(self.bytes, start).map_or(1, |string| string.end - start)
+            }
+            _ => rest.find([' ', '\t', '\r', ',', '{', '}', '#', '[']).unwrap_or(rest.len()).max(1),
+        };
+        let span = self.faults.span(start, start + len);
+        let what = if len <= 40 { format!("`{}`", &rest[..len]) } else { "this value".to_string() };
+        let fault =
+            Diagnostic::error("S03", span, format!("{what} stands without its key")).label("which key is it for?");
+        self.faults.push(match blank.comma.filter(|_| !blank.newline) {
+            Some(comma) => fault.note(self.faults.span(comma, comma + 1), "this comma ends the statement before"),
+            None => fault.help("a statement is `key value`; a line that begins with a value continues the one above"),
+        });
+    }
+
+    /// One statement with its block.
+    fn statement(&mut self, depth: usize) -> Option<Statement> {
+        let start = self.pos;
+        let has_block = self.header();
+        let mut line = std::mem::take(&mut self.line);
+        let read = item::statement(&mut line, self.text, &mut self.faults);
+        self.line = line;
+        let block = if has_block { self.block(depth) } else { None };
+        let (key, items) = match read {
+            Some(read) => read,
+            None => {
+                let span = self.faults.span(start, start + self.text[start..].chars().next().map_or(0, char::len_utf8));
+                self.faults
+                    .push(Diagnostic::error("S02", span, "this is no statement").label("a word, then its values"));
+                return None;
+            }
+        };
+        let span = items.last().map_or(key.span, |item| key.span.to(item.span));
+        Some(Statement { key, items, block, span })
+    }
+
+    /// The block that begins here. `None` where it is nested too deeply.
+    fn block(&mut self, depth: usize) -> Option<Block> {
+        let start = self.pos;
+        if depth >= MAX_DEPTH {
+            let span = self.faults.span(start, start + 1);
+            let message = format!("blocks are nested more than {MAX_DEPTH} deep");
+            self.faults.push(Diagnostic::error("S01", span, message).label("this block is left out"));
+            self.skip_block();
+            return None;
+        }
+        self.pos += 1;
+        let statements = self.statements(depth + 1);
+        let inner =
+            statements.last().map_or(0, |last| last.block.as_ref().map_or(last.span.end, |block| block.span.end));
+        let end = (start + self.text[start..self.pos].trim_ascii_end().len()).max(inner as usize);
+        self.report_missing_comma();
+        Some(Block { statements, span: self.faults.span(start, end) })
+    }
+
+    /// Behind a block its statement is over: what follows on the line is another.
+    fn report_missing_comma(&mut self) {
+        if self.pos == 0 || self.bytes[self.pos - 1] != b'}' {
+            return;
+        }
+        while matches!(self.peek(), Some(b' ' | b'\t')) {
+            self.pos += 1;
+        }
+        if self.at_word() {
+            let rest = &self.text[self.pos..];
+            let len = rest.find(|c: char| !is_letter(c) && !c.is_ascii_digit() && c != '_').unwrap_or(rest.len());
+            let message = format!("`{}` stands behind a block, where its statement is over", &rest[..len]);
+            let fault = Diagnostic::error("S03", self.faults.span(self.pos, self.pos + len), message);
+            self.faults.push(fault.label("a comma or a line break before it?"));
+        }
+    }
+
+    /// Skips a block and all that it holds.
+    fn skip_block(&mut self) {
+        let mut depth = 1usize;
+        self.pos += 1;
+        while let Some(byte) = self.peek() {
+            while depth > 0 && self.braces.take_implied(self.pos) {
+                depth -= 1;
+            }
+            if depth == 0 {
+                return;
+            }
+            match byte {
+                b'{' => depth += 1,
+                b'}' if self.braces.is_stray(self.pos) => {}
+                b'}' => {
+                    depth -= 1;
+                    if depth == 0 {
+                        self.pos += 1;
+                        return;
+                    }
+                }
+                _ if comment(self.bytes, self.pos) => {
+                    self.pos = line_end(self.bytes, self.pos);
+                    continue;
+                }
+                _ => {}
+            }
+            self.pos = quoted(self.bytes, self.pos).map_or(self.pos + 1, |string| string.end.max(self.pos + 1));
+        }
+    }
+
+    /// Reads a statement up to its block or its end into `self.line`; says whether a block follows.
+    fn header(&mut self) -> bool {
+        self.line.clear();
+        self.scan(false);
+        self.peek() == Some(b'{')
+    }
+
+    /// The next byte that is no blank and no comment.
+    fn significant(&self, mut pos: usize) -> usize {
+        while let Some(&byte) = self.bytes.get(pos) {
+            match byte {
+                b' ' | b'\t' | b'\r' | b'\n' => pos += 1,
+                b'#' => pos = line_end(self.bytes, pos),
+                _ => break,
+            }
+        }
+        pos
+    }
+
+    /// Reads into `self.line` up to the end of a statement's line, or of a row of a list.
+    fn scan(&mut self, row: bool) {
+        while let Some(byte) = self.peek() {
+            let at = self.pos;
+            match byte {
+                b',' | b';' | b'{' | b'}' => return,
+                b'\n' | b'#' if row => return,
+                b'\n' | b'#' => {
+                    let next = self.significant(at);
+                    if self.bytes.get(next) != Some(&b'{') && !self.value_at(next) {
+                        return;
+                    }
+                    self.line.push(at, " ");
+                    self.line.breaks.push(self.line.text.len());
+                    self.pos = next;
+                }
+                b' ' | b'\t' | b'\r' => {
+                    self.line.push(at, " ");
+                    self.pos += 1;
+                }
+                b'"' => self.string(),
+                b'(' => {
+                    let bulk = self.points(row);
+                    self.line.push(at, "()");
+                    self.line.bulk.push(bulk);
+                }
+                b'[' if row => {
+                    if !std::mem::replace(&mut self.nested_told, true) {
+                        let span = self.faults.span(at, at + 1);
+                        self.faults.push(
+                            Diagnostic::error("S02", span, "lists do not nest")
+                                .label("leave this `[` and its `]` out?"),
+                        );
+                    }
+                    self.nested += 1;
+                    self.pos += 1;
+                }
+                b'[' => {
+                    let bulk = self.list();
+                    self.line.push(at, "[]");
+                    self.line.bulk.push(bulk);
+                }
+                b']' if row && self.nested == 0 => return,
+                b']' if row => {
+                    self.nested -= 1;
+                    self.pos += 1;
+                }
+                b')' | b']' => {
+                    let message = format!("this `{}` closes nothing", byte as char);
+                    self.faults
+                        .push(Diagnostic::error("S01", self.faults.span(at, at + 1), message).label("leave it out?"));
+                    self.line.push(at, " ");
+                    self.pos += 1;
+                }
+                _ if foreign_comment(self.bytes, at) => self.skip_comment(),
+                0x80.. => self.foreign_character(),
+                _ => {
+                    let plain = |byte: &u8| byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'.' | b'-');
+                    let len = self.bytes[at..].iter().take_while(|byte| plain(byte)).count().max(1);
+                    self.line.push(at, &self.text[at..at + len]);
+                    self.pos += len;
+                }
+            }
+        }
+    }
+
+    /// A string, in straight quotes and closed whatever it was.
+    fn string(&mut self) {
+        let at = self.pos;
+        let Some(string) = quoted(self.bytes, at) else { return };
+        let mut content = &self.text[string.from..string.to];
+        if !string.closed {
+            let message = "this string is not closed on its line";
+            let fault = Diagnostic::error("S02", self.faults.span(at, string.end), message);
+            self.faults.push(fault.label("`\"` at its end"));
+            if content.bytes().rev().take_while(|byte| *byte == b'\\').count() % 2 == 1 {
+                content = &content[..content.len() - 1];
+            }
+        }
+        if string.closed && string.straight {
+            self.line.push(at, &self.text[at..string.end]);
+        } else {
+            self.line.push(at, "\"");
+            self.line.push(string.from, content);
+            self.line.push(string.end.saturating_sub(1), "\"");
+        }
+        self.pos = string.end;
+    }
+
+    /// A stretch that is not ASCII: reported with its spelling, and read as that.
+    fn foreign_character(&mut self) {
+        let at = self.pos;
+        if let Some(string) = quoted(self.bytes, at) {
+            if !string.closed {
+                return self.string();
+            }
+            let span = self.faults.span(at, at + self.char().len_utf8());
+            let message = format!("`{}` is not ASCII: strings stand in straight quotes", self.char());
+            self.faults.push(Diagnostic::error("S04", span, message).label("`\"`, and at its end"));
+            return self.string();
+        }
+        let rest = &self.text[at..];
+        let len = rest.find(|c: char| c.is_ascii() || spelling::ascii(c) == Some("\"")).unwrap_or(rest.len());
+        let len = len.max(self.char().len_utf8());
+        let (ascii, fault) = asciify(&rest[..len], at, &self.faults);
+        self.faults.push(fault);
+        let glued = self.line.text.as_bytes().last().is_some_and(u8::is_ascii_digit);
+        if glued && ascii.starts_with("deg") {
+            self.line.push(at, " ");
+        }
+        // Letters may stand for a sign that the scanner itself would have to see: then a blank keeps the rest readable.
+        let ascii = if ascii.contains(['(', ')', '"', ',', ';']) { " ".to_string() } else { ascii };
+        self.line.replace(at, len, &ascii);
+        self.pos += len;
+    }
+
+    /// A run of vectors: one value.
+    fn points(&mut self, row: bool) -> (Value, Span) {
+        let start = self.pos;
+        let mut points = Vec::new();
+        let mut unit = None;
+        let mut commas = false;
+        loop {
+            points.push(self.vector(&mut unit));
+            let next = match row {
+                true => self.pos + self.bytes[self.pos..].iter().take_while(|b| matches!(b, b' ' | b'\t')).count(),
+                false => self.significant(self.pos),
+            };
+            match self.bytes.get(next) {
+                Some(b'(') => self.pos = next,
+                Some(b',') if !row && self.bytes.get(self.significant(next + 1)) == Some(&b'(') => {
+                    if !std::mem::replace(&mut commas, true) {
+                        let span = self.faults.span(next, next + 1);
+                        let fault = Diagnostic::error("S02", span, "no comma stands between the points of a run");
+                        self.faults.push(fault.label("leave it out"));
+                    }
+                    self.pos = self.significant(next + 1);
+                }
+                _ => break,
+            }
+        }
+        let end = points.last().map_or(self.pos, |(_, span): &(Vec<f64>, Span)| span.end as usize);
+        (Value::Points { points, unit }, self.faults.span(start, end))
+    }
+
+    /// `(x y z)`: the usual case at full speed.
+    fn vector(&mut self, unit: &mut Option<crate::ast::Word>) -> (Vec<f64>, Span) {
+        let start = self.pos;
+        let mut numbers = Vec::with_capacity(3);
+        let mut pos = start + 1;
+        loop {
+            match self.bytes.get(pos) {
+                Some(b' ' | b'\t' | b'\n' | b'\r') => pos += 1,
+                Some(b')') if matches!(numbers.len(), 2 | 3) => {
+                    self.pos = pos + 1;
+                    return (numbers, self.faults.span(start, pos + 1));
+                }
+                Some(b'0'..=b'9' | b'+' | b'-') => {
+                    let Some(end) = number_end(self.bytes, pos) else { break };
+                    let Ok(value) = self.text[pos..end].parse::<f64>() else { break };
+                    if !value.is_finite() || !matches!(self.bytes.get(end), Some(b' ' | b'\t' | b'\n' | b'\r' | b')')) {
+                        break;
+                    }
+                    numbers.push(value);
+                    pos = end;
+                }
+                _ => break,
+            }
+        }
+        self.faulty_vector(unit)
+    }
+
+    /// A vector that is not as it should be, or holds a comment.
+    fn faulty_vector(&mut self, unit: &mut Option<crate::ast::Word>) -> (Vec<f64>, Span) {
+        let (start, known) = (self.pos, self.faults.len());
+        let mut numbers = Vec::new();
+        let mut told = false;
+        self.pos += 1;
+        let closed = loop {
+            let at = self.pos;
+            match self.peek() {
+                Some(b' ' | b'\t' | b'\r') => self.pos += 1,
+                Some(b'\n' | b'#') => {
+                    let next = self.significant(at);
+                    if self.bytes.get(next) != Some(&b')')
+                        && (!self.value_at(next) || matches!(self.bytes[next], b'(' | b'[' | b'"'))
+                    {
+                        break false;
+                    }
+                    self.pos = next;
+                }
+                Some(b')') => {
+                    self.pos += 1;
+                    break true;
+                }
+                None | Some(b'(' | b'[' | b']' | b'{' | b'}' | b'"' | b';') => break false,
+                Some(b',') => {
+                    self.pos += 1;
+                    if !std::mem::replace(&mut told, true) {
+                        let fault =
+                            Diagnostic::error("S02", self.faults.span(at, at + 1), "no comma stands in a vector");
+                        self.faults.push(fault.label("leave it out"));
+                    }
+                }
+                Some(_) => {
+                    let rest = &self.text[at..];
+                    let ends = |c: char| {
+                        c.is_ascii_whitespace()
+                            || matches!(c, ',' | '(' | ')' | '[' | ']' | '{' | '}' | '"' | ';' | '#')
+                    };
+                    let raw = &rest[..rest.find(ends).unwrap_or(rest.len())];
+                    self.pos += raw.len();
+                    let text = if raw.is_ascii() {
+                        raw.to_string()
+                    } else {
+                        let (ascii, fault) = asciify(raw, at, &self.faults);
+                        self.faults.push(fault);
+                        ascii
+                    };
+                    let span = self.faults.span(at, self.pos);
+                    match number(&text).filter(|value| value.is_finite()) {
+                        Some(value) => numbers.push(value),
+                        None if text.starts_with(|c: char| c.is_ascii_digit() || matches!(c, '+' | '-' | '.')) => {
+                            let (fault, value) = item::malformed(&text, span);
+                            if !std::mem::replace(&mut told, true) {
+                                self.faults.push(fault);
+                            }
+                            numbers.push(if let Value::Number { number, .. } = value { number } else { 1.0 });
+                        }
+                        None => {
+                            let fault = if spelling::is_unit(&text) || spelling::meant_unit(&text).is_some() {
+                                let meant = spelling::meant_unit(&text).unwrap_or_default().to_string();
+                                let fault = Diagnostic::error("U04", span, "the unit of a vector stands behind it");
+                                let fault = fault.label(format!("`(x y z) {meant}`"));
+                                unit.get_or_insert(crate::ast::Word { text: meant, span });
+                                fault
+                            } else {
+                                numbers.push(1.0);
+                                let fault =
+                                    Diagnostic::error("U04", span, format!("a vector holds numbers; `{raw}` is none"));
+                                fault
+                                    .label("a number")
+                                    .help("a constant may stand for the whole vector: `define NAME (0 0 5) m`")
+                            };
+                            if !std::mem::replace(&mut told, true) {
+                                self.faults.push(fault);
+                            }
+                        }
+                    }
+                }
+            }
+        };
+        let end = start + self.text[start..self.pos].trim_ascii_end().len();
+        let span = self.faults.span(start, end);
+        if !closed {
+            self.faults.truncate(known);
+            let fault = Diagnostic::error("S01", self.faults.span(start, start + 1), "this vector is never closed");
+            self.faults.push(fault.label("`(` without `)`"));
+        } else if !told && !matches!(numbers.len(), 2 | 3) {
+            let count = match numbers.len() {
+                0 => "no number".to_string(),
+                1 => "one number".to_string(),
+                n => format!("{n} numbers"),
+            };
+            let fault =
+                Diagnostic::error("U04", span, format!("a vector has two or three numbers; this one has {count}"));
+            self.faults.push(fault.label("`(x y z)` or `(x y)`"));
+        }
+        if !matches!(numbers.len(), 2 | 3) {
+            numbers.resize(3, 0.0);
+        }
+        (numbers, span)
+    }
+
+    /// A list: one value. One that is never closed ends with its line.
+    fn list(&mut self) -> (Value, Span) {
+        let start = self.pos;
+        let open = self.braces.is_open_list(start);
+        if open {
+            let fault = Diagnostic::error("S01", self.faults.span(start, start + 1), "this list is never closed");
+            self.faults.push(fault.label("`[` without `]`"));
+        }
+        let outer = std::mem::take(&mut self.line);
+        (self.nested, self.nested_told) = (0, false);
+        let mut rows = Vec::new();
+        let mut tokens = Vec::new();
+        self.pos += 1;
+        loop {
+            match self.peek() {
+                None | Some(b'{' | b'}') => break,
+                Some(b'\n') if open => break,
+                Some(b' ' | b'\t' | b'\r' | b'\n' | b',') => self.pos += 1,
+                Some(b';') => {
+                    self.report_semicolon();
+                    self.pos += 1;
+                }
+                Some(b']') => {
+                    self.pos += 1;
+                    if self.nested == 0 {
+                        break;
+                    }
+                    self.nested -= 1;
+                }
+                Some(_) if comment(self.bytes, self.pos) => self.skip_comment(),
+                Some(_) => {
+                    if !self.quick_row(&mut tokens) {
+                        self.line.clear();
+                        self.scan(true);
+                        tokens.clear();
+                        item::row(&mut self.line, self.text, &mut self.faults, &mut tokens);
+                    }
+                    let items: Vec<Item> = item::items(&mut tokens, self.text, &mut self.faults);
+                    if !items.is_empty() {
+                        rows.push(items);
+                    }
+                }
+            }
+        }
+        self.line = outer;
+        let end = start + self.text[start..self.pos].trim_ascii_end().len();
+        (Value::List { rows, unit: None }, self.faults.span(start, end))
+    }
+
+    /// Reads a row of plain numbers, words, units and vectors without the grammar, to the same effect. Returns `false`,
+    /// nothing read, where there is anything else in the row.
+    fn quick_row(&mut self, tokens: &mut Vec<Token>) -> bool {
+        tokens.clear();
+        let (start, known) = (self.pos, self.faults.len());
+        loop {
+            let at = self.pos;
+            let lexeme = match self.peek() {
+                Some(b' ' | b'\t' | b'\r') => {
+                    self.pos += 1;
+                    continue;
+                }
+                Some(b',' | b'\n' | b']' | b'#') => return true,
+                Some(b'0'..=b'9' | b'+' | b'-') => number_end(self.bytes, at).and_then(|end| {
+                    let digits = &self.text[at..end];
+                    self.pos = end;
+                    let number = digits.parse().ok().filter(|number: &f64| number.is_finite())?;
+                    Some(Lexeme::Value(Value::Number { number, digits: digits.to_string(), unit: None }))
+                }),
+                Some(byte) if byte.is_ascii_alphabetic() => {
+                    let part = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
+                    let word = self.bytes[at..].iter().take_while(|byte| part(byte)).count();
+                    let unit = |byte: &u8| part(byte) || matches!(byte, b'/' | b'%' | b'^' | b'*' | b'-');
+                    let len = match self.bytes.get(at + word) {
+                        Some(b'/' | b'%' | b'^' | b'-') => {
+                            self.bytes[at..].iter().take_while(|byte| unit(byte)).count()
+                        }
+                        _ => word,
+                    };
+                    self.pos = at + len;
+                    let text = self.text[at..self.pos].to_string();
+                    let lexeme = if len > word { Lexeme::Unit(text) } else { Lexeme::Word(text) };
+                    // between numbers, `x` makes a grid
+                    (&self.text[at..self.pos] != "x").then_some(lexeme)
+                }
+                Some(b'(') => {
+                    let (value, span) = self.points(true);
+                    tokens.push(Token { lexeme: Lexeme::Value(value), span, breaks: false });
+                    continue;
+                }
+                _ => None,
+            };
+            let delimited = matches!(self.peek(), Some(b' ' | b'\t' | b'\r' | b'\n' | b',' | b']' | b'(' | b'#'));
+            match lexeme.filter(|_| delimited) {
+                Some(lexeme) => tokens.push(Token { lexeme, span: self.faults.span(at, self.pos), breaks: false }),
+                None => {
+                    self.pos = start;
+                    self.faults.truncate(known);
+                    return false;
+                }
+            }
+        }
+    }
+}
+
+fn is_letter(character: char) -> bool {
+    character.is_ascii_alphabetic() || !character.is_ascii() && character.is_alphabetic()
+}
+
+/// The ASCII spelling of a stretch that is not ASCII throughout, and the finding.
+fn asciify(raw: &str, at: usize, faults: &Faults) -> (String, Diagnostic) {
+    let spell = |c: char| match spelling::ascii(c) {
+        Some(ascii) => ascii.to_string(),
+        None if c.is_ascii() => c.to_string(),
+        None if c.is_alphanumeric() => "x".to_string(),
+        None => " ".to_string(),
+    };
+    let ascii: String = raw.chars().map(spell).collect();
+    let (mut start, mut end) = (at, at + raw.len());
+    let foreign = raw.trim_matches(|c: char| c.is_ascii());
+    if let Some(offset) = raw.find(|c: char| !c.is_ascii()) {
+        (start, end) = (at + offset, at + offset + foreign.len());
+    }
+    let shown: String = foreign.chars().take(12).map(spelling::shown).collect::<Vec<_>>().concat();
+    let fault = Diagnostic::error("S04", faults.span(start, end), format!("`{shown}` is not ASCII"));
+    let spelled: Option<String> = foreign
+        .chars()
+        .map(|c| if c.is_ascii() { Some(c.to_string()) } else { spelling::ascii(c).map(str::to_string) })
+        .collect();
+    let fault = match spelled.as_deref().map(str::trim) {
+        Some("") => fault.label("a plain space?"),
+        Some(spelled) => fault.label(format!("`{spelled}`?")),
+        None => fault.label("ASCII only, outside strings and comments"),
+    };
+    (ascii, fault)
+}

@@ -1,0 +1,561 @@
+//! The checked scene: plain data, names resolved to indices, canonical units (m, µm, rad, K, hPa, W m⁻² sr⁻¹ µm⁻¹).
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::{DVec2, DVec3};
+use sunglint_plugin::{Args, SpectralValue};
+
+use crate::Span;
+
+/// A checked scene.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Title.
+    pub title: Option<String>,
+    /// Where it is.
+    pub site: Option<Site>,
+    /// Collection sets, at least one.
+    pub collects: Vec<Collect>,
+    /// The weather that holds where a collection names none; first the unnamed one.
+    pub weathers: Vec<Weather>,
+    /// The scene's atmosphere.
+    pub atmosphere: ModelUse,
+    /// Materials, in order of declaration.
+    pub materials: Vec<Material>,
+    /// Objects, placed by [`Shape::Place`].
+    pub objects: Vec<Object>,
+    /// Geometry in the world frame.
+    pub world: Vec<Shape>,
+    /// The endless plane.
+    pub ground: Option<Ground>,
+    /// Sensors, at least one.
+    pub sensors: Vec<Sensor>,
+    /// Experiments, at least one (`default` where the scene has none).
+    pub experiments: Vec<Experiment>,
+}
+
+/// Where the scene is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Site {
+    /// North positive \[rad\].
+    pub latitude: f64,
+    /// East positive \[rad\].
+    pub longitude: f64,
+    /// Of z = 0 above sea level \[m\].
+    pub elevation: f64,
+    /// Azimuth of grid north (+y), east of true north \[rad\].
+    pub convergence: f64,
+    /// Where it is said.
+    pub span: Span,
+}
+
+/// A calendar date.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Date {
+    /// Year.
+    pub year: i32,
+    /// Month, 1..12.
+    pub month: u8,
+    /// Day, 1..31.
+    pub day: u8,
+}
+
+/// UTC as seconds since 1970-01-01T00:00:00Z, leap seconds not counted.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub struct Utc(pub f64);
+
+impl Utc {
+    /// Julian date (UTC).
+    pub fn julian_date(self) -> f64 {
+        2_440_587.5 + self.0 / 86_400.0
+    }
+}
+
+/// A time of day.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Clock {
+    /// Seconds after local midnight.
+    Time(f64),
+    /// Sunrise, and an offset \[s\].
+    Sunrise(f64),
+    /// Sunset, and an offset \[s\].
+    Sunset(f64),
+    /// The sun's highest point, and an offset \[s\].
+    SolarNoon(f64),
+}
+
+/// When.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Times {
+    /// Instants, ascending.
+    At(Vec<Utc>),
+    /// On each date from one clock to another; the plan resolves sunrise and sunset.
+    Series {
+        /// Dates.
+        dates: Vec<Date>,
+        /// First.
+        from: Clock,
+        /// Last, included.
+        to: Option<Clock>,
+        /// Step \[s\]; only without `to` is there none.
+        every: Option<f64>,
+        /// Local time minus UTC \[s\].
+        zone: f64,
+    },
+    /// The sun at apparent angles \[rad\], Earth–Sun distance 1 au.
+    Sun {
+        /// Zenith angle.
+        zenith: f64,
+        /// Azimuth.
+        azimuth: f64,
+    },
+    /// No sun.
+    NoSun,
+}
+
+/// A collection set.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Collect {
+    /// Name.
+    pub name: Option<String>,
+    /// When.
+    pub times: Times,
+    /// Index of its weather in [`Scene::weathers`], where it names one.
+    pub weather: Option<usize>,
+    /// Where it is said.
+    pub span: Span,
+}
+
+/// A weather block. `None`: unsaid.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Weather {
+    /// Name.
+    pub name: Option<String>,
+    /// Named profile.
+    pub profile: Option<String>,
+    /// Meteorological range \[m\].
+    pub visibility: Option<f64>,
+    /// Aerosol optical depth at 550 nm.
+    pub aod: Option<f64>,
+    /// Aerosol model, as written.
+    pub aerosol: Option<String>,
+    /// Surface pressure \[hPa\].
+    pub pressure: Option<f64>,
+    /// Surface temperature \[K\].
+    pub temperature: Option<f64>,
+    /// Relative humidity, 0..1.
+    pub humidity: Option<f64>,
+    /// Water column \[g cm⁻²\].
+    pub water: Option<f64>,
+    /// Ozone column \[atm-cm\].
+    pub ozone: Option<f64>,
+    /// NO₂ column \[atm-cm\].
+    pub no2: Option<f64>,
+    /// Where each field is said.
+    pub spans: BTreeMap<&'static str, Span>,
+}
+
+impl Weather {
+    /// This weather with the fields that `over` says in place of its own; what they exclude goes too (visibility and
+    /// aod, humidity and water).
+    #[must_use]
+    pub fn overridden(&self, over: &Weather) -> Weather {
+        let mut out = self.clone();
+        if over.visibility.is_some() || over.aod.is_some() {
+            (out.visibility, out.aod) = (None, None);
+        }
+        if over.humidity.is_some() || over.water.is_some() {
+            (out.humidity, out.water) = (None, None);
+        }
+        out.profile = over.profile.clone().or(out.profile);
+        out.aerosol = over.aerosol.clone().or(out.aerosol);
+        out.visibility = over.visibility.or(out.visibility);
+        out.aod = over.aod.or(out.aod);
+        out.pressure = over.pressure.or(out.pressure);
+        out.temperature = over.temperature.or(out.temperature);
+        out.humidity = over.humidity.or(out.humidity);
+        out.water = over.water.or(out.water);
+        out.ozone = over.ozone.or(out.ozone);
+        out.no2 = over.no2.or(out.no2);
+        out.spans.extend(over.spans.iter().map(|(field, span)| (*field, *span)));
+        out
+    }
+}
+
+/// One use of a model, its block held against what the model declares.
+#[derive(Clone, Debug)]
+pub struct ModelUse {
+    /// Name of the model.
+    pub name: String,
+    /// Label, by which experiments pick it.
+    pub label: Option<String>,
+    /// Arguments with defaults filled.
+    pub args: Args,
+    /// Where the model is named; `None` where it is a default of the language.
+    pub span: Option<Span>,
+    /// Where each given parameter's value stands.
+    pub param_spans: BTreeMap<String, Span>,
+}
+
+/// A material.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// Name.
+    pub name: String,
+    /// Code in truth maps.
+    pub code: u16,
+    /// Title.
+    pub title: Option<String>,
+    /// Total (hemispherical) reflectance.
+    pub reflectance: Option<SpectralValue>,
+    /// Radiance leaving the front \[W m⁻² sr⁻¹ µm⁻¹\].
+    pub emission: Option<SpectralValue>,
+    /// Models, in order; empty where no facet refers to the material (its files were not opened).
+    pub models: Vec<ModelUse>,
+    /// Whether a facet, a mesh map or the ground refers to it.
+    pub used: bool,
+    /// Where it is declared.
+    pub span: Span,
+    /// Where `reflectance` and `emission` are said.
+    pub spans: BTreeMap<&'static str, Span>,
+}
+
+/// Where and how a thing stands: applied as scale, roll, pitch, heading, at.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Pose {
+    /// Position \[m\]; `at (x y)` has been put on the ground.
+    pub at: DVec3,
+    /// Clockwise from north \[rad\].
+    pub heading: f64,
+    /// Nose up \[rad\].
+    pub pitch: f64,
+    /// Right side down \[rad\].
+    pub roll: f64,
+    /// Scale.
+    pub scale: f64,
+}
+
+impl Default for Pose {
+    fn default() -> Self {
+        Self { at: DVec3::ZERO, heading: 0.0, pitch: 0.0, roll: 0.0, scale: 1.0 }
+    }
+}
+
+/// Where a panel faces.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Facing {
+    /// A world direction.
+    Direction(DVec3),
+    /// A point.
+    Point(DVec3),
+    /// A sensor's position, by index in [`Scene::sensors`].
+    Sensor(usize),
+    /// Tilt from the level and azimuth of the downhill side \[rad\].
+    Slope {
+        /// Tilt.
+        slope: f64,
+        /// Azimuth of the normal.
+        aspect: f64,
+    },
+}
+
+/// A file named by a scene, read already.
+#[derive(Clone, Debug, PartialEq)]
+pub struct SceneFile {
+    /// Path as shown in messages.
+    pub path: String,
+    /// Content.
+    pub bytes: Arc<[u8]>,
+    /// Where it is named.
+    pub span: Span,
+}
+
+/// One geometry statement.
+#[derive(Clone, Debug)]
+pub enum Shape {
+    /// Planar polygons, corners counter-clockwise seen from the front.
+    Facets {
+        /// Index of the material.
+        material: usize,
+        /// Corners \[m\], with the place of each polygon.
+        polygons: Vec<(Vec<DVec3>, Span)>,
+    },
+    /// A rectangle about its centre, lower edge level.
+    Panel {
+        /// Index of the material.
+        material: usize,
+        /// Width and height \[m\].
+        size: DVec2,
+        /// Where it faces.
+        facing: Facing,
+        /// Pose; `at` is the centre.
+        pose: Pose,
+        /// Where it is said.
+        span: Span,
+    },
+    /// A box on the centre of its base.
+    Box {
+        /// Index of the material.
+        material: usize,
+        /// Along x, y, z \[m\].
+        size: DVec3,
+        /// Pose.
+        pose: Pose,
+        /// Where it is said.
+        span: Span,
+    },
+    /// A mesh from a file.
+    Mesh {
+        /// The OBJ file.
+        file: SceneFile,
+        /// Metres per unit of the file.
+        unit: f64,
+        /// Whether y is up in the file (else z).
+        y_up: bool,
+        /// Pose.
+        pose: Pose,
+        /// `usemtl` names (`*` any) to materials; the first match wins.
+        maps: Vec<(String, usize, Span)>,
+    },
+    /// Placements of an object.
+    Place {
+        /// Index in [`Scene::objects`].
+        object: usize,
+        /// Name of the placement.
+        name: Option<String>,
+        /// One pose per member.
+        poses: Vec<Pose>,
+        /// Where it is said.
+        span: Span,
+    },
+}
+
+/// Geometry in its own frame, +y ahead.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// Name.
+    pub name: String,
+    /// Its geometry; may place other objects. Empty where the object is never placed (its files were not opened).
+    pub shapes: Vec<Shape>,
+    /// Where it is declared.
+    pub span: Span,
+}
+
+/// The endless level plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Ground {
+    /// Index of the material.
+    pub material: usize,
+    /// Height \[m\].
+    pub height: f64,
+    /// Where it is said.
+    pub span: Span,
+}
+
+/// How a sensor projects.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Projection {
+    /// Pinhole.
+    Perspective,
+    /// Parallel.
+    Orthographic,
+}
+
+/// Where a sensor stands and looks.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SensorPose {
+    /// Position and a point it looks at.
+    LookAt {
+        /// Position \[m\].
+        position: DVec3,
+        /// The point \[m\].
+        look_at: DVec3,
+        /// Roll about the line of sight \[rad\].
+        roll: f64,
+    },
+    /// Position and attitude.
+    Attitude {
+        /// Position \[m\].
+        position: DVec3,
+        /// Clockwise from north \[rad\].
+        heading: f64,
+        /// Below the horizontal \[rad\].
+        depression: f64,
+        /// Roll about the line of sight \[rad\].
+        roll: f64,
+    },
+    /// A point and the view angles from it.
+    Target {
+        /// The point \[m\].
+        look_at: DVec3,
+        /// Height of the sensor above sea level \[m\].
+        altitude: f64,
+        /// Zenith angle, target to sensor \[rad\].
+        view_zenith: f64,
+        /// Azimuth, target to sensor \[rad\].
+        view_azimuth: f64,
+    },
+}
+
+/// The scale of a sensor's image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Optics {
+    /// Across the image \[rad\].
+    FieldOfView(f64),
+    /// Of one pixel \[rad\].
+    Ifov(f64),
+    /// Focal length and pixel pitch \[m\].
+    FocalLength {
+        /// Focal length.
+        focal_length: f64,
+        /// Pixel pitch.
+        pitch: f64,
+    },
+    /// Width on the ground across \[m\].
+    Swath(f64),
+    /// Width of one pixel on the ground \[m\].
+    GroundSample(f64),
+}
+
+/// Bands of a sensor, as said.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Bands {
+    /// `band NAME lower..upper` \[µm\]
+    Edges {
+        /// Name.
+        name: String,
+        /// Lower edge.
+        lower: f64,
+        /// Upper edge.
+        upper: f64,
+        /// Where it is said.
+        span: Span,
+    },
+    /// `band NAME centre … fwhm …` \[µm\]
+    Gaussian {
+        /// Name.
+        name: String,
+        /// Centre.
+        centre: f64,
+        /// Full width at half maximum.
+        fwhm: f64,
+        /// Where it is said.
+        span: Span,
+    },
+    /// `band NAME response FILE`
+    Response {
+        /// Name.
+        name: String,
+        /// Table of relative response.
+        file: SceneFile,
+        /// Where it is said.
+        span: Span,
+    },
+    /// `bands SET only …`, a shipped set by name.
+    Set {
+        /// Name of the set.
+        set: String,
+        /// The bands wanted; all where `None`.
+        only: Option<Vec<String>>,
+        /// Where it is said.
+        span: Span,
+    },
+    /// `bands FILE only …`
+    FileSet {
+        /// Table of relative responses.
+        file: SceneFile,
+        /// The bands wanted; all where `None`.
+        only: Option<Vec<String>>,
+        /// Where it is said.
+        span: Span,
+    },
+    /// `bands lower..upper every step fwhm width` \[µm\]
+    Series {
+        /// First centre.
+        lower: f64,
+        /// Last centre.
+        upper: f64,
+        /// Step.
+        every: f64,
+        /// Full width at half maximum of each.
+        fwhm: f64,
+        /// Where it is said.
+        span: Span,
+    },
+}
+
+/// A sensor.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sensor {
+    /// Name.
+    pub name: String,
+    /// Projection.
+    pub projection: Projection,
+    /// Where it stands and looks.
+    pub pose: SensorPose,
+    /// Scale.
+    pub optics: Optics,
+    /// Across, down.
+    pub pixels: (u32, u32),
+    /// Bands, in order.
+    pub bands: Vec<Bands>,
+    /// Indices of the collection sets it takes part in.
+    pub collects: Vec<usize>,
+    /// Where it is declared.
+    pub span: Span,
+}
+
+/// How accurate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Accuracy {
+    /// Samples a pixel.
+    Samples(u32),
+    /// Relative standard error of a pixel, 0..1, against the larger of the pixel and a floor \[W m⁻² sr⁻¹ µm⁻¹\].
+    Error {
+        /// Relative error.
+        relative: f64,
+        /// Floor.
+        floor: Option<f64>,
+    },
+}
+
+/// What an experiment writes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Products {
+    /// radiance.exr, radiance.img, error.exr
+    pub radiance: bool,
+    /// truth.exr and the sun-lit fraction.
+    pub truth: bool,
+    /// Preview PNGs.
+    pub preview: bool,
+    /// The radiance that leaves the surface, before τ₂ and L_u.
+    pub surface_radiance: bool,
+}
+
+/// An experiment.
+#[derive(Clone, Debug)]
+pub struct Experiment {
+    /// Name.
+    pub name: String,
+    /// Radiance algorithm.
+    pub algorithm: ModelUse,
+    /// Atmosphere.
+    pub atmosphere: ModelUse,
+    /// Fields of the weather that it replaces.
+    pub weather: Option<Weather>,
+    /// For each material, the index of the model that it takes; `None` for an unused material.
+    pub models: Vec<Option<usize>>,
+    /// Indices of its sensors.
+    pub sensors: Vec<usize>,
+    /// Indices of its collection sets.
+    pub collects: Vec<usize>,
+    /// How accurate.
+    pub accuracy: Accuracy,
+    /// Seed.
+    pub seed: u64,
+    /// What is written.
+    pub products: Products,
+    /// Where it is declared; `None` for `default`.
+    pub span: Option<Span>,
+}

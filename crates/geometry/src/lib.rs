@@ -1,0 +1,21 @@
+//! Facets, objects, instances, OBJ import and the acceleration structure. Lengths in m, angles in rad, world frame x east,
+//! y north, z up. Coordinates are `f64` from the facet to the hit; `f32` lives inside the acceleration structure, where it
+//! may only prove that a ray misses.
+
+mod accel;
+mod clearance;
+mod facet;
+mod instance;
+mod mesh;
+mod obj;
+mod ray;
+mod shapes;
+mod world;
+
+pub use facet::{Facet, FacetError, MaterialId, PLANARITY};
+pub use instance::{Instance, Pose};
+pub use mesh::Mesh;
+pub use obj::{ObjError, ObjFault, ObjMesh, Up, read_obj};
+pub use ray::{FacetId, GROUND_OBJECT, Hit, Ray};
+pub use shapes::{box_facets, panel_facets};
+pub use world::{Ground, LARGEST_COORDINATE, World, WorldError};

@@ -1,0 +1,21 @@
+//! Quantities shared by all of Sunglint. Canonical units stand in `docs/CONVENTIONS.md`: wavelength in µm, spectral
+//! radiance in W m⁻² sr⁻¹ µm⁻¹, angles in rad, lengths in m. World frame: x east, y north, z up.
+
+mod channel;
+mod curve;
+mod direction;
+mod estimate;
+mod spectrum;
+mod units;
+mod wavelength;
+
+pub use channel::{Channel, Channels};
+pub use curve::{Curve, CurveError, Extrapolation};
+pub use direction::{Frame, LocalDir, WorldDir, relative_azimuth};
+pub use estimate::{Estimate, REPLICATES, STUDENT_T_95, estimate};
+pub use spectrum::{Irradiance, Radiance, Reflectance, Spectrum, Transmittance};
+pub use units::{Dimension, UNITS, Unit, unit, units_of};
+pub use wavelength::{Bin, Entry, SpectralGrid, Wavelength};
+
+/// Angular radius of the sun's disk at 1 au \[rad\]: 0.2666° (IAU 2015 nominal solar radius 695 700 km over 1 au).
+pub const SOLAR_ANGULAR_RADIUS: f64 = 0.004_650_467;

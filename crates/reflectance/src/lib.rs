@@ -1,0 +1,100 @@
+//! Surface scattering models behind one trait, one model a file, and the conformance suite that every model passes.
+//!
+//! Directions are local (z along the normal) and point away from the surface, both of them. The BSDF `f` \[sr⁻¹\] is
+//! without the cosine: dL = f L_i cos θ_i dω_i.
+
+mod category;
+pub mod conformance;
+mod fresnel;
+mod ideal;
+mod phong;
+mod quadrature;
+mod sampling;
+mod shipped;
+mod spectral;
+mod split;
+mod split_model;
+mod top_hat;
+mod two_component;
+mod view_table;
+
+pub use category::Category;
+pub use fresnel::fresnel_dielectric;
+pub use shipped::{shipped, shipped_names};
+pub use split::{AngularSpectra, Split};
+pub use top_hat::{SOLAR_DISK, TopHat};
+
+use sunglint_plugin::Model;
+use sunglint_radiometry::LocalDir;
+
+/// The models of this build. Adding one: write the file, add the line, run the tests.
+pub const BUILTIN: &[Model<dyn Bsdf>] = &[ideal::MODEL, split_model::MODEL, phong::MODEL];
+
+/// Which lobes a model has, so that no ray is cast for a lobe that is absent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Lobes {
+    /// Reflects into the whole hemisphere smoothly.
+    pub diffuse: bool,
+    /// A Dirac lobe about the mirror direction.
+    pub mirror: bool,
+    /// A lobe of finite width.
+    pub glossy: bool,
+    /// Light passes through.
+    pub transmission: bool,
+}
+
+/// What a model claims of itself; the conformance suite holds it to its word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Claims {
+    /// f(ω_i, ω_o) = f(ω_o, ω_i).
+    pub reciprocal: bool,
+    /// Directional-hemispherical reflectance ≤ 1 at every angle.
+    pub conserves_energy: bool,
+}
+
+/// A sampled incident direction.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sample {
+    /// Towards where the light comes from.
+    pub incident: LocalDir,
+    /// Drawn from the Dirac lobe: its weight is [`Bsdf::mirror`] over the probability `pdf`, and it has no density.
+    pub mirror: bool,
+    /// Density \[sr⁻¹\] of the smooth lobes at `incident`, or the probability with which the mirror lobe was chosen.
+    pub pdf: f64,
+}
+
+/// A surface scattering model, bound to one spectral grid: it answers for all grid entries at once into slices that
+/// the caller owns, and allocates nothing per hit.
+pub trait Bsdf: Send + Sync {
+    /// The lobes that exist.
+    fn lobes(&self) -> Lobes;
+
+    /// What the model claims of itself.
+    fn claims(&self) -> Claims {
+        Claims { reciprocal: true, conserves_energy: true }
+    }
+
+    /// The components R_d(θ_v), ρ_s(θ_v), Ω_s of the published algorithms, on nodes of view angle.
+    fn split(&self) -> &Split;
+
+    /// Fills `f` with the BSDF \[sr⁻¹\] of the smooth lobes at each grid entry. No cosine factor; 0 where either
+    /// direction is below the surface.
+    fn eval(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]);
+
+    /// Fills `rho` with the reflectance of the Dirac lobe seen along `outgoing` at each grid entry.
+    fn mirror(&self, outgoing: LocalDir, rho: &mut [f64]) {
+        let _ = outgoing;
+        rho.fill(0.0);
+    }
+
+    /// Draws an incident direction with two numbers of \[0, 1) and a third that chooses the lobe; `None` where the
+    /// draw falls below the surface.
+    fn sample(&self, outgoing: LocalDir, u: [f64; 3]) -> Option<Sample>;
+
+    /// Density of `sample` \[sr⁻¹\] over the smooth lobes.
+    fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64;
+
+    /// Fills `rho` with the directional-hemispherical reflectance for light along `incident` (equal to the
+    /// hemispherical-directional one where the model is reciprocal), all lobes.
+    fn albedo(&self, incident: LocalDir, rho: &mut [f64]);
+}

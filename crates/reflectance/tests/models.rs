@@ -1,0 +1,316 @@
+//! Every registered model against the conformance suite, and the models against closed forms.
+
+use std::f64::consts::{PI, TAU};
+use std::sync::Arc;
+
+use sunglint_plugin::{Args, BindError, Model, SpectralValue, Table, TableKey, Value};
+use sunglint_radiometry::{Bin, Curve, LocalDir, SpectralGrid};
+use sunglint_reflectance::conformance::{Options, check};
+use sunglint_reflectance::{BUILTIN, Bsdf, Category, SOLAR_DISK};
+
+type Given = Vec<(String, Value)>;
+
+fn model(name: &str) -> &'static Model<dyn Bsdf> {
+    BUILTIN.iter().find(|model| model.info.name == name).expect("a registered model")
+}
+
+fn bind_on(name: &str, given: Given, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
+    let model = model(name);
+    (model.bind)(&Args::new(&model.info, given), grid)
+}
+
+fn bind(name: &str, given: Given) -> Result<Arc<dyn Bsdf>, BindError> {
+    bind_on(name, given, &grid())
+}
+
+fn grid() -> SpectralGrid {
+    SpectralGrid::from_edges(&[0.5, 0.6, 0.7])
+}
+
+fn constant(name: &str, value: f64) -> (String, Value) {
+    (name.to_string(), Value::Spectrum(SpectralValue::Constant(value)))
+}
+
+fn curve(name: &str, rows: &[(f64, f64)]) -> (String, Value) {
+    (name.to_string(), Value::Spectrum(SpectralValue::Curve(Curve::linear(rows).unwrap())))
+}
+
+fn number(name: &str, value: f64) -> (String, Value) {
+    (name.to_string(), Value::Number(value))
+}
+
+fn word(name: &str, value: &str) -> (String, Value) {
+    (name.to_string(), Value::Word(value.to_string()))
+}
+
+/// Rows with the view angle in degrees.
+fn table(name: &str, key: TableKey, rows: &[&[f64]]) -> (String, Value) {
+    let rows = rows.iter().map(|row| {
+        let mut row = row.to_vec();
+        row[0] = row[0].to_radians();
+        row
+    });
+    (name.to_string(), Value::Table(Table { key, rows: rows.collect() }))
+}
+
+fn cases() -> Vec<(&'static str, Given)> {
+    let ramp = |name: &str, low: f64, high: f64| curve(name, &[(0.5, low), (0.7, high)]);
+    let mut cases = vec![
+        ("ideal", vec![constant("diffuse", 1.0)]),
+        ("ideal", vec![ramp("reflectance", 0.1, 0.6)]),
+        ("ideal", vec![constant("diffuse", 0.0)]),
+        ("ideal", vec![ramp("specular", 0.2, 1.0)]),
+        ("ideal", vec![table("diffuse_table", TableKey::None, &[&[0.0, 0.9], &[60.0, 0.8], &[85.0, 0.3]])]),
+        ("ideal", vec![table("specular_table", TableKey::None, &[&[0.0, 0.04], &[60.0, 0.09], &[90.0, 1.0]])]),
+        ("split", vec![table("table", TableKey::None, &STARK), number("solid_angle", 1.9e-3)]),
+        ("split", vec![table("table", TableKey::None, &STARK), number("solid_angle", 0.3)]),
+        ("split", vec![table("table", TableKey::None, &WINDOW), word("specular", "reflectance")]),
+        (
+            "split",
+            vec![table("table", TableKey::None, &WINDOW), word("specular", "reflectance"), number("solid_angle", TAU)],
+        ),
+        (
+            "split",
+            vec![
+                table("table", TableKey::None, &[&[0.0, 0.0, 1.0]]),
+                word("specular", "reflectance"),
+                word("grazing", "hold"),
+                number("solid_angle", 0.05),
+            ],
+        ),
+        ("split", vec![word("category", "combination"), constant("total", 1.0), number("solid_angle", 0.02)]),
+        ("split", vec![word("category", "mostly_specular"), constant("total", 0.6), number("solid_angle", 2.0)]),
+    ];
+    for category in Category::NAMES {
+        cases.push(("split", vec![word("category", category), ramp("reflectance", 0.05, 0.95)]));
+    }
+    for exponent in [0.0, 1.0, 20.0, 1e3, 1e6] {
+        for variant in ["mirror", "half"] {
+            let given = |d, s| vec![constant("diffuse", d), constant("specular", s), number("exponent", exponent)];
+            cases.push(("phong", [given(0.0, 1.0), vec![word("variant", variant)]].concat()));
+        }
+        cases.push((
+            "phong",
+            vec![ramp("reflectance", 0.3, 0.9), constant("specular", 0.2), number("exponent", exponent)],
+        ));
+    }
+    cases
+}
+
+/// Beyond 75° nothing is measured; the peak is a BRF.
+const STARK: [&[f64]; 5] =
+    [&[8.0, 0.112, 3.1], &[30.0, 0.110, 3.3], &[45.0, 0.108, 4.2], &[60.0, 0.104, 7.9], &[75.0, 0.101, 21.0]];
+/// Reflectance of a pane.
+const WINDOW: [&[f64]; 3] = [&[0.0, 0.02, 0.08], &[60.0, 0.02, 0.12], &[80.0, 0.02, 0.41]];
+
+#[test]
+fn every_registered_model_holds_what_it_claims() {
+    let cases = cases();
+    let options = Options { models: cases.len(), ..Options::default() };
+    for model in BUILTIN {
+        assert!(cases.iter().any(|(name, _)| *name == model.info.name), "no case for `{}`", model.info.name);
+    }
+    for (name, given) in cases {
+        let label = format!("{name} {given:?}");
+        let bound = bind(name, given).unwrap_or_else(|error| panic!("{label}: {error}"));
+        let report = check(&*bound, grid().len(), &options);
+        println!("{label}\n{report}");
+        assert!(report.passed(), "{label}\n{report}");
+    }
+}
+
+/// A model that lies about its density, its albedo, its reciprocity or its energy must not pass: the suite has teeth.
+#[test]
+fn the_suite_finds_a_model_that_breaks_its_word() {
+    use sunglint_reflectance::{Lobes, Sample, Split};
+    /// Lambert, and in the arguments what is wrong with it.
+    struct Faulty {
+        inner: Arc<dyn Bsdf>,
+        gain: f64,
+        tilt: f64,
+        density: f64,
+    }
+    impl Bsdf for Faulty {
+        fn lobes(&self) -> Lobes {
+            self.inner.lobes()
+        }
+        fn split(&self) -> &Split {
+            self.inner.split()
+        }
+        fn eval(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) {
+            self.inner.eval(incident, outgoing, f);
+            f.iter_mut().for_each(|f| *f *= self.gain * (1.0 + self.tilt * outgoing.cos()));
+        }
+        fn sample(&self, outgoing: LocalDir, u: [f64; 3]) -> Option<Sample> {
+            let u = [u[0].powf(self.density), u[1], u[2]];
+            self.inner.sample(outgoing, u)
+        }
+        fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
+            self.inner.pdf(incident, outgoing)
+        }
+        fn albedo(&self, incident: LocalDir, rho: &mut [f64]) {
+            self.inner.albedo(incident, rho);
+        }
+    }
+    let failing = |gain, tilt, density| {
+        let inner = bind("ideal", vec![constant("diffuse", 0.9)]).unwrap();
+        let report = check(&Faulty { inner, gain, tilt, density }, grid().len(), &Options::default());
+        let names: Vec<&str> = report.findings.iter().filter(|f| !f.passed()).map(|f| f.property).collect();
+        names.join("; ")
+    };
+    assert_eq!(failing(1.0, 0.0, 1.0), "");
+    assert!(failing(1.2, 0.0, 1.0).contains("hemispherical-directional"));
+    assert!(failing(0.99, 0.0, 1.0).contains("albedo"));
+    assert!(failing(0.9, 0.01, 1.0).contains("reciprocal"));
+    assert!(failing(1.0, 0.0, 1.02).contains("chi-square"));
+}
+
+#[test]
+fn a_lambertian_surface_has_f_equal_to_rho_over_pi() {
+    let model = bind("ideal", vec![constant("diffuse", 0.18)]).unwrap();
+    let mut f = [0.0; 4];
+    model.eval(LocalDir::from_polar(1.0, 0.3), LocalDir::from_polar(0.2, 2.0), &mut f);
+    assert!(f.iter().all(|f| (f - 0.18 / PI).abs() < 1e-16));
+    assert!(model.claims().reciprocal);
+    assert_eq!(model.split().diffuse.at(1.2, 0), 0.18);
+    assert!(model.split().specular.is_zero());
+}
+
+#[test]
+fn a_mirror_has_a_dirac_lobe_of_its_reflectance_and_no_other() {
+    let model = bind("ideal", vec![constant("specular", 0.85)]).unwrap();
+    assert!(model.lobes().mirror && !model.lobes().diffuse && !model.lobes().glossy);
+    let (outgoing, mut rho) = (LocalDir::from_polar(1.1, 0.3), [0.0; 4]);
+    model.mirror(outgoing, &mut rho);
+    assert_eq!(rho, [0.85; 4]);
+    let sample = model.sample(outgoing, [0.1, 0.7, 0.3]).unwrap();
+    assert!(sample.mirror && sample.pdf == 1.0 && sample.incident == outgoing.mirrored());
+    assert_eq!(model.split().solid_angle, [0.0]);
+}
+
+/// f at the mirror direction is (R_d + R_s)/π: what a goniometer of that aperture read.
+#[test]
+fn a_table_of_brf_returns_its_peak_in_the_mirror_direction() {
+    let model = bind("split", vec![table("table", TableKey::None, &STARK), number("solid_angle", 1.9e-3)]).unwrap();
+    for row in STARK {
+        let outgoing = LocalDir::from_polar(row[0].to_radians(), 0.4);
+        let mut f = [0.0; 4];
+        model.eval(outgoing.mirrored(), outgoing, &mut f);
+        assert!((f[0] * PI / (row[1] + row[2]) - 1.0).abs() < 1e-9);
+        let beside = LocalDir::from_polar(row[0].to_radians() + 0.03, 0.4 + PI);
+        model.eval(beside, outgoing, &mut f);
+        assert!((f[0] * PI / row[1] - 1.0).abs() < 1e-12);
+        // ρ_s = R_s Ω_s cos θ/π
+        let rho_s = row[2] * 1.9e-3 * row[0].to_radians().cos() / PI;
+        assert!((model.split().specular.at(row[0].to_radians(), 0) / rho_s - 1.0).abs() < 1e-12);
+        assert!((model.split().printed.at(row[0].to_radians(), 0) / row[2] - 1.0).abs() < 1e-12);
+    }
+    let split = model.split();
+    assert_eq!(split.diffuse.at(0.0, 0), 0.112);
+    assert!((split.diffuse.at(90f64.to_radians(), 0) - 0.101).abs() < 1e-15);
+    // Fresnel-shaped growth: F(90°)/F(75°) = 1/0.25308 for index 1.5.
+    let growth = split.specular.at(90f64.to_radians(), 0) / split.specular.at(75f64.to_radians(), 0);
+    assert!((growth - 1.0 / 0.253_08).abs() < 1e-3, "{growth}");
+}
+
+#[test]
+fn the_lobe_of_a_held_table_stays_as_last_measured() {
+    let given = vec![table("table", TableKey::None, &WINDOW), word("specular", "reflectance"), word("grazing", "hold")];
+    let split = bind("split", given).unwrap();
+    assert_eq!(split.split().specular.at(1.57, 0), 0.41);
+    assert!(split.lobes().mirror, "the default solid angle is the sun's disk, a true mirror");
+    assert_eq!(split.split().solid_angle[0], SOLAR_DISK);
+}
+
+#[test]
+fn tables_per_band_and_per_wavelength_reach_their_entries() {
+    let bin = |lower, upper, band| Bin { lower, upper, band: Some(band) };
+    let bands =
+        SpectralGrid::new(vec![bin(0.5, 0.6, 0), bin(0.55, 0.7, 1)], vec!["green".to_string(), "red".to_string()]);
+    let key = TableKey::Band(["red", "red", "green"].map(str::to_string).to_vec());
+    let rows: [&[f64]; 3] = [&[0.0, 0.5], &[60.0, 0.3], &[30.0, 0.1]];
+    let model = bind_on("ideal", vec![table("diffuse_table", key, &rows)], &bands).unwrap();
+    let at_30 = |entry| model.split().diffuse.at(30f64.to_radians(), entry);
+    assert!((at_30(0) - 0.1).abs() < 1e-15 && (at_30(3) - 0.4).abs() < 1e-15);
+
+    let key = TableKey::Wavelength(vec![0.7, 0.7, 0.5, 0.5]);
+    let rows: [&[f64]; 4] = [&[0.0, 0.6], &[80.0, 0.6], &[0.0, 0.2], &[80.0, 0.2]];
+    let model = bind("ideal", vec![table("diffuse_table", key, &rows)]).unwrap();
+    for (entry, node) in grid().entries().iter().enumerate() {
+        let expected = 0.2 + 0.4 * (node.wavelength.um() - 0.5) / 0.2;
+        assert!((model.split().diffuse.at(1.0, entry) - expected).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn faults_of_a_scene_are_named_with_their_code() {
+    let fault = |name, given| bind(name, given).err().map(|error| (error.code, error.message));
+    let has = |name, given, code: &str, part: &str| {
+        let (found, message) = fault(name, given).expect(part);
+        assert!(found == code && message.contains(part), "{found} {message}");
+    };
+    has("ideal", vec![], "S05", "no reflectance");
+    has("ideal", vec![constant("diffuse", 0.1), constant("specular", 0.1)], "S05", "exclude");
+    has("ideal", vec![constant("diffuse", 1.2)], "M05", "1.2");
+    has("ideal", vec![curve("diffuse", &[(0.55, 0.1), (0.7, 0.1)])], "M04", "550.0..700.0 nm");
+    let per_band = SpectralValue::PerBand(vec![("blue".to_string(), 0.1)]);
+    has("ideal", vec![("diffuse".to_string(), Value::Spectrum(per_band))], "M04", "band");
+    has(
+        "ideal",
+        vec![table("diffuse_table", TableKey::None, &[&[60.0, 0.1], &[30.0, 0.1]])],
+        "M05",
+        "30 deg follows 60",
+    );
+    has("ideal", vec![table("diffuse_table", TableKey::None, &[&[95.0, 0.1]])], "M05", "95 deg");
+    has("ideal", vec![table("diffuse_table", TableKey::None, &[])], "M05", "no rows");
+    has("ideal", vec![table("diffuse_table", TableKey::None, &[&[0.0, f64::NAN]])], "M05", "finite");
+    has("ideal", vec![table("diffuse_table", TableKey::Wavelength(vec![0.6]), &[&[0.0, 0.1]])], "M04", "600.0..600.0");
+    has("ideal", vec![table("diffuse_table", TableKey::Band(vec![]), &[&[0.0, 0.1]])], "M05", "no band");
+    has("split", vec![], "S05", "`table` or a `category`");
+    has("split", vec![word("category", "shiny"), constant("total", 0.1)], "N01", "shiny");
+    has("split", vec![word("category", "combination")], "S05", "total");
+    has("split", vec![table("table", TableKey::None, &STARK), number("solid_angle", 1e-6)], "U05", "BRF");
+    has("split", vec![table("table", TableKey::None, &STARK), number("solid_angle", 7.0)], "U05", "2 pi");
+    has("split", vec![table("table", TableKey::None, &[&[0.0, 0.2, -0.1]])], "M05", "not negative");
+    let too_much = |rows: &[&[f64]]| vec![table("table", TableKey::None, rows), word("specular", "reflectance")];
+    has(
+        "split",
+        too_much(&[&[0.0, 0.2, 0.1], &[40.0, 0.7, 0.35]]),
+        "M05",
+        "at 40 deg: R_d + rho_s = 0.7000 + 0.3500 exceeds 1 by 0.0500",
+    );
+    // R_d + ρ_s = 1 everywhere, yet light along 85° leaves with 0.94 and more of the rest.
+    has(
+        "split",
+        too_much(&[&[0.0, 0.9, 0.1], &[70.0, 0.9, 0.1], &[85.0, 0.1, 0.9]]),
+        "M05",
+        "the mean of R_d over the hemisphere",
+    );
+    has("phong", vec![constant("diffuse", 0.1), number("exponent", 3.0)], "S05", "specular");
+    has("phong", vec![constant("diffuse", 0.1), constant("specular", 0.1)], "S05", "exponent");
+    has("phong", vec![constant("specular", 0.1), number("exponent", 3.0)], "S05", "no diffuse part");
+    has(
+        "phong",
+        vec![constant("diffuse", 0.8), constant("specular", 0.3), number("exponent", 3.0)],
+        "M05",
+        "by 0.1000",
+    );
+    has(
+        "phong",
+        vec![constant("reflectance", 0.1), constant("specular", 0.3), number("exponent", 3.0)],
+        "M05",
+        "by 0.2000",
+    );
+    has("phong", vec![constant("diffuse", 0.8), constant("specular", 0.1), number("exponent", 2e6)], "U05", "exponent");
+}
+
+#[test]
+fn every_model_documents_its_parameters() {
+    for model in BUILTIN {
+        for param in model.info.params {
+            assert!(model.info.manual.contains(&format!("`{}`", param.name)), "{} {}", model.info.name, param.name);
+            assert!(param.excludes.iter().all(|other| model.info.param(other).is_some()), "{}", param.name);
+        }
+        assert!(model.info.manual.contains("# In a scene") && model.info.manual.contains("# Validity"));
+    }
+}

@@ -1,0 +1,146 @@
+//! Finished tiles on disk: the unit of resuming a render.
+
+use std::fs;
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+use sunglint_tracer::{RayCounts, TileResult};
+
+use crate::products::write_whole;
+
+const MAGIC: &[u8; 8] = b"SGTILE01";
+
+/// The finished tiles of one run, in a folder named by the run's key.
+pub struct TileStore {
+    folder: PathBuf,
+}
+
+impl TileStore {
+    /// The store of a run beneath an output folder.
+    pub fn new(out: &Path, key: &str) -> Self {
+        Self { folder: out.join(".sunglint").join(&key[..32]) }
+    }
+
+    fn path(&self, tile: usize) -> PathBuf {
+        self.folder.join(format!("tile_{tile:06}.bin"))
+    }
+
+    /// A tile that was finished before, if it is whole.
+    pub fn load(&self, tile: usize) -> Option<TileResult> {
+        let bytes = fs::read(self.path(tile)).ok()?;
+        decode(&bytes)
+    }
+
+    /// Keeps a finished tile.
+    pub fn save(&self, tile: usize, result: &TileResult) -> io::Result<()> {
+        let bytes = encode(result);
+        write_whole(&self.path(tile), |file| file.write_all(&bytes))
+    }
+
+    /// Forgets the tiles once the products are written.
+    pub fn remove(&self) -> io::Result<()> {
+        match fs::remove_dir_all(&self.folder) {
+            Err(error) if error.kind() != io::ErrorKind::NotFound => return Err(error),
+            _ => {}
+        }
+        // The parent goes too when no other run uses it.
+        if let Some(parent) = self.folder.parent() {
+            let _ = fs::remove_dir(parent);
+        }
+        Ok(())
+    }
+}
+
+fn rays(counts: &RayCounts) -> [u64; 7] {
+    [
+        counts.camera,
+        counts.hemisphere,
+        counts.mirror,
+        counts.sun,
+        counts.sun_turned_away,
+        counts.sun_proved_clear,
+        counts.hemisphere_open,
+    ]
+}
+
+fn encode(result: &TileResult) -> Vec<u8> {
+    let images = [&result.radiance, &result.error, &result.surface, &result.lit, &result.truth, &result.samples];
+    let mut bytes = MAGIC.to_vec();
+    for image in images {
+        bytes.extend((image.len() as u64).to_le_bytes());
+        image.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
+    }
+    rays(&result.rays).iter().for_each(|count| bytes.extend(count.to_le_bytes()));
+    let hash = blake3::hash(&bytes);
+    bytes.extend(hash.as_bytes());
+    bytes
+}
+
+fn decode(bytes: &[u8]) -> Option<TileResult> {
+    let body = bytes.len().checked_sub(blake3::OUT_LEN)?;
+    if blake3::hash(&bytes[..body]).as_bytes() != &bytes[body..] || !bytes.starts_with(MAGIC) {
+        return None;
+    }
+    let mut rest = &bytes[MAGIC.len()..body];
+    let number = |rest: &mut &[u8]| -> Option<u64> {
+        let mut word = [0; 8];
+        rest.read_exact(&mut word).ok()?;
+        Some(u64::from_le_bytes(word))
+    };
+    let mut images = Vec::new();
+    for _ in 0..6 {
+        let n = usize::try_from(number(&mut rest)?).ok()?;
+        let (image, later) = rest.split_at_checked(n.checked_mul(4)?)?;
+        rest = later;
+        images.push(image.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect::<Vec<f32>>());
+    }
+    let mut counts = [0; 7];
+    for count in &mut counts {
+        *count = number(&mut rest)?;
+    }
+    let [camera, hemisphere, mirror, sun, sun_turned_away, sun_proved_clear, hemisphere_open] = counts;
+    let mut images = images.into_iter();
+    let mut next = || images.next().unwrap_or_default();
+    Some(TileResult {
+        radiance: next(),
+        error: next(),
+        surface: next(),
+        lit: next(),
+        truth: next(),
+        samples: next(),
+        rays: RayCounts { camera, hemisphere, mirror, sun, sun_turned_away, sun_proved_clear, hemisphere_open },
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn tile() -> TileResult {
+        TileResult {
+            radiance: vec![1.0, f32::MIN_POSITIVE],
+            error: vec![0.5, 0.25],
+            surface: Vec::new(),
+            lit: vec![1.0],
+            truth: vec![3.0; 9],
+            samples: vec![64.0],
+            rays: RayCounts { camera: 7, sun: 9, ..RayCounts::default() },
+        }
+    }
+
+    #[test]
+    fn a_tile_comes_back_as_it_was() {
+        assert_eq!(decode(&encode(&tile())), Some(tile()));
+    }
+
+    #[test]
+    fn a_torn_or_altered_tile_is_no_tile() {
+        let bytes = encode(&tile());
+        for end in 0..bytes.len() {
+            assert_eq!(decode(&bytes[..end]), None);
+        }
+        let mut altered = bytes;
+        altered[20] ^= 1;
+        assert_eq!(decode(&altered), None);
+    }
+}

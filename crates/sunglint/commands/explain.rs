@@ -1,0 +1,81 @@
+//! `explain SCENE --pixel X,Y`: every term of one pixel.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use clap::Args;
+use sunglint::{Options, Run, explain, iso, parse_utc};
+
+use super::{Failure, Outcome, plan_of, print, print_json};
+
+/// Every term of one pixel
+#[derive(Args)]
+#[command(
+    after_help = "Example:\n  sunglint explain examples/truth/truth.glint --pixel 320,240 --at 1992-06-18T16:00:00Z"
+)]
+pub struct Explain {
+    /// The scene
+    scene: PathBuf,
+    /// The pixel, counted from 0 at the top left
+    #[arg(long, value_name = "X,Y", value_parser = parse_pixel)]
+    pixel: (u32, u32),
+    /// The experiment [default: the first]
+    #[arg(long)]
+    experiment: Option<String>,
+    /// The sensor [default: the first]
+    #[arg(long)]
+    sensor: Option<String>,
+    /// The time, an instant or a frame's name [default: the one with the highest sun]
+    #[arg(long, value_name = "T")]
+    at: Option<String>,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn parse_pixel(text: &str) -> Result<(u32, u32), String> {
+    let parts = text.split_once(',').and_then(|(x, y)| Some((x.trim().parse().ok()?, y.trim().parse().ok()?)));
+    parts.ok_or_else(|| "write X,Y, for example 320,240".to_string())
+}
+
+impl Explain {
+    pub fn run(&self, quiet: bool) -> Outcome {
+        let experiments: Vec<String> = self.experiment.iter().cloned().collect();
+        let plan = plan_of(&self.scene, &Options { experiments, ..Options::default() }, quiet || self.json)?;
+        let run = (plan.runs().iter())
+            .find(|run| self.sensor.as_ref().is_none_or(|sensor| run.sensor == *sensor))
+            .ok_or_else(|| {
+                let known: Vec<String> =
+                    plan.runs().iter().map(|run| format!("{}/{}", run.experiment, run.sensor)).collect();
+                Failure::BadInput(format!("no such experiment and sensor; there are: {}", known.join(", ")))
+            })?;
+        let (w, h) = run.pixels;
+        if self.pixel.0 >= w || self.pixel.1 >= h {
+            return Err(Failure::BadInput(format!("the image has pixels 0,0 to {},{}", w - 1, h - 1)));
+        }
+        let time = self.time(run)?;
+        let explanation = explain(run, self.pixel, time, &plan.materials);
+        if self.json {
+            print_json(&explanation.to_json())
+        } else {
+            print(&explanation)
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn time(&self, run: &Run) -> Result<usize, Failure> {
+        let Some(at) = &self.at else {
+            let height = |i: &usize| run.moments[*i].sun.as_ref().map_or(-1.0, |sun| sun.apparent.cos_zenith());
+            return Ok((0..run.moments.len()).max_by(|a, b| height(a).total_cmp(&height(b))).unwrap_or(0));
+        };
+        if let Some(i) = run.moments.iter().position(|moment| moment.label == *at) {
+            return Ok(i);
+        }
+        let utc = parse_utc(at).map_err(Failure::BadInput)?;
+        let same = |known: sunglint::dsl::scene::Utc| (known.0 - utc.0).abs() < 0.5;
+        run.moments.iter().position(|moment| moment.utc.is_some_and(same)).ok_or_else(|| {
+            let known: Vec<String> = run.moments.iter().map(|m| m.utc.map_or_else(|| m.label.clone(), iso)).collect();
+            Failure::BadInput(format!("no frame is collected at {at}; there are: {}", known.join(", ")))
+        })
+    }
+}

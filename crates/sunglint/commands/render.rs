@@ -1,0 +1,115 @@
+//! `render SCENE -o DIR`: frames.
+
+use std::io::IsTerminal;
+use std::path::PathBuf;
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Args;
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use sunglint::{Options, Progress, Rendered, Run};
+
+use super::{Failure, Outcome, note, parse_pixels, plan_of};
+
+/// Render a scene's frames
+#[derive(Args)]
+#[command(after_help = "\
+Example:
+  sunglint render examples/truth/truth.glint -o out/truth
+
+Writes DIR/EXPERIMENT/SENSOR/TIME/: radiance.exr, radiance.img/.hdr (ENVI), error.exr, previews; truth.exr once a
+sensor; manifest.json. A second render of an unchanged scene does no work; a killed one goes on at its last tile.")]
+pub struct Render {
+    /// The scene
+    scene: PathBuf,
+    /// Folder to write to
+    #[arg(long, short, default_value = "out")]
+    out: PathBuf,
+    /// Experiments to render, separated by commas [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    experiment: Vec<String>,
+    /// Pixels in place of every sensor's own: the same view, coarser or finer
+    #[arg(long, value_name = "WxH", value_parser = parse_pixels)]
+    pixels: Option<(u32, u32)>,
+    /// Samples a pixel in place of the experiments' accuracy
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
+    samples: Option<u32>,
+}
+
+impl Render {
+    pub fn run(&self, quiet: bool) -> Outcome {
+        let options = Options {
+            pixels: self.pixels,
+            samples: self.samples,
+            experiments: self.experiment.clone(),
+            times: Vec::new(),
+        };
+        let plan = plan_of(&self.scene, &options, quiet)?;
+        let bar = Bar::new(quiet);
+        match sunglint::render(&plan, &self.out, &bar) {
+            Ok(_) => Ok(ExitCode::SUCCESS),
+            Err(error) => Err(Failure::Unfinished(error.to_string())),
+        }
+    }
+}
+
+/// A bar on a terminal, a line a run elsewhere, nothing when quiet.
+struct Bar {
+    bar: ProgressBar,
+    quiet: bool,
+}
+
+impl Bar {
+    fn new(quiet: bool) -> Self {
+        let shown = !quiet && std::io::stderr().is_terminal();
+        let target = if shown { ProgressDrawTarget::stderr() } else { ProgressDrawTarget::hidden() };
+        let bar = ProgressBar::with_draw_target(Some(0), target);
+        let style = ProgressStyle::with_template("{prefix} {bar:30} {percent:>3} % of {len} tiles, {eta} left {msg}");
+        if let Ok(style) = style {
+            bar.set_style(style);
+        }
+        Self { bar, quiet }
+    }
+}
+
+impl Progress for Bar {
+    fn begin(&self, run: &Run, tiles: usize) {
+        self.bar.reset();
+        self.bar.set_length(tiles as u64);
+        self.bar.set_position(0);
+        self.bar.set_prefix(format!("{}/{}", run.experiment, run.sensor));
+        self.bar.set_message("");
+        self.bar.enable_steady_tick(Duration::from_millis(200));
+    }
+
+    fn tile(&self, _cached: bool, _rays: u64) {
+        self.bar.inc(1);
+    }
+
+    fn end(&self, run: &Run, rendered: &Rendered) {
+        self.bar.disable_steady_tick();
+        self.bar.finish_and_clear();
+        if self.quiet {
+            return;
+        }
+        let (name, folder) = (format!("{}/{}", run.experiment, run.sensor), rendered.folder.display());
+        if rendered.frames == 0 {
+            note(&format!("{name}: unchanged, nothing to do ({folder})"));
+            return;
+        }
+        let rays = &rendered.rays;
+        let cast = rays.camera + rays.hemisphere + rays.mirror + rays.sun;
+        let resumed = match rendered.tiles_resumed {
+            0 => String::new(),
+            n => format!(", {n} tiles from before"),
+        };
+        note(&format!(
+            "{name}: {} frame{} in {:.1} s and {:.1} s of writing, {:.1} million rays{resumed} ({folder})",
+            rendered.frames,
+            if rendered.frames == 1 { "" } else { "s" },
+            rendered.seconds.0,
+            rendered.seconds.1,
+            cast as f64 / 1e6,
+        ));
+    }
+}

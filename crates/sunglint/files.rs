@@ -1,0 +1,96 @@
+//! Files that a scene names: read once, sized, hashed for the manifest.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use sunglint_dsl::{LoadError, Loaded, Loader};
+
+/// Largest file that a scene may name \[bytes\].
+const LARGEST: u64 = 2 << 30;
+
+/// Reads files from disk, and shipped data behind `sunglint:`.
+#[derive(Default)]
+pub struct Files {
+    read: BTreeMap<PathBuf, Loaded>,
+    hashes: BTreeMap<String, String>,
+}
+
+impl Files {
+    /// Paths as shown in messages, with the BLAKE3 hash of each file that was read.
+    pub fn hashes(&self) -> &BTreeMap<String, String> {
+        &self.hashes
+    }
+}
+
+impl Loader for Files {
+    fn read(&mut self, path: &str, from: &str) -> Result<Loaded, LoadError> {
+        if let Some(name) = path.strip_prefix("sunglint:") {
+            return self.shipped(path, name);
+        }
+        let full = Path::new(from).parent().unwrap_or(Path::new("")).join(path);
+        if let Some(loaded) = self.read.get(&full) {
+            return Ok(loaded.clone());
+        }
+        let shown = full.to_string_lossy().into_owned();
+        let fail = |message: String, nearest| Err(LoadError { message, nearest });
+        let meta = match fs::metadata(&full) {
+            Ok(meta) => meta,
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                return fail(format!("there is no file `{shown}`"), nearest_in_folder(&full));
+            }
+            Err(error) => return fail(format!("`{shown}` is not readable: {error}"), None),
+        };
+        if meta.is_dir() {
+            return fail(format!("`{shown}` is a folder, not a file"), None);
+        }
+        if !meta.is_file() {
+            return fail(format!("`{shown}` is not a plain file"), None);
+        }
+        if meta.len() > LARGEST {
+            return fail(format!("`{shown}` holds {} bytes; at most {LARGEST} are read", meta.len()), None);
+        }
+        let bytes: Arc<[u8]> = match fs::read(&full) {
+            Ok(bytes) => bytes.into(),
+            Err(error) => return fail(format!("`{shown}` is not readable: {error}"), None),
+        };
+        self.hashes.insert(shown.clone(), blake3::hash(&bytes).to_hex().to_string());
+        let loaded = Loaded { path: shown, bytes };
+        self.read.insert(full, loaded.clone());
+        Ok(loaded)
+    }
+}
+
+impl Files {
+    fn shipped(&mut self, path: &str, name: &str) -> Result<Loaded, LoadError> {
+        let Some(text) = sunglint_reflectance::shipped(name) else {
+            let nearest = nearest_name(name, sunglint_reflectance::shipped_names());
+            return Err(LoadError {
+                message: format!("no shipped data is called `{name}`"),
+                nearest: nearest.map(|name| format!("sunglint:{name}")),
+            });
+        };
+        self.hashes.insert(path.to_string(), blake3::hash(text.as_bytes()).to_hex().to_string());
+        Ok(Loaded { path: path.to_string(), bytes: text.as_bytes().into() })
+    }
+}
+
+fn nearest_name<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
+    known
+        .into_iter()
+        .map(|other| (strsim::jaro_winkler(name, other), other))
+        .filter(|(similarity, _)| *similarity > 0.75)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, other)| other.to_string())
+}
+
+fn nearest_in_folder(path: &Path) -> Option<String> {
+    let name = path.file_name()?.to_string_lossy().into_owned();
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut names: Vec<String> = (fs::read_dir(folder).ok()?)
+        .filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()))
+        .collect();
+    names.sort();
+    nearest_name(&name, names.iter().map(String::as_str))
+}

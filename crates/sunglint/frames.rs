@@ -1,0 +1,210 @@
+//! Frames as arrays, and the text digest that snapshots keep.
+
+use std::fmt;
+
+use rayon::prelude::*;
+use sunglint_geometry::Ray;
+use sunglint_radiometry::Channel;
+use sunglint_tracer::{RayCounts, Tile, TileResult, View, render_tile, tiles};
+
+use crate::plan::Run;
+
+/// Columns and rows of the coarse map of a digest.
+const COARSE: (usize, usize) = (8, 6);
+
+/// One frame: all channels of one time, row-major from the top left.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frame {
+    /// Name of the frame: `1992-06-18T160000Z`.
+    pub label: String,
+    /// Radiance by channel and pixel \[W m⁻² sr⁻¹ µm⁻¹\].
+    pub radiance: Vec<Vec<f32>>,
+    /// Its standard error.
+    pub error: Vec<Vec<f32>>,
+    /// Radiance that leaves the surface, before τ₂ and L_u; empty where not asked for.
+    pub surface: Vec<Vec<f32>>,
+    /// Sun-lit fraction by pixel.
+    pub lit: Vec<f32>,
+}
+
+/// All frames of a run.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Frames {
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Channels, in order.
+    pub channels: Vec<Channel>,
+    /// Frames in order of time.
+    pub frames: Vec<Frame>,
+    /// Truth maps: material code, object, facet, x, y, z, range, view zenith \[deg\], F.
+    pub truth: Vec<Vec<f32>>,
+    /// Samples of each pixel.
+    pub samples: Vec<f32>,
+    /// Rays cast and skipped.
+    pub rays: RayCounts,
+}
+
+impl Run {
+    /// Renders all frames to arrays, on all threads of the current pool. The same run gives the same bits on any
+    /// number of threads.
+    pub fn render(&self) -> Frames {
+        let tiles = tiles(self.pixels);
+        let results: Vec<TileResult> = tiles.par_iter().map(|tile| self.render_tile(*tile)).collect();
+        let mut frames = Frames::new(self);
+        for (tile, result) in tiles.iter().zip(&results) {
+            frames.insert(*tile, result);
+        }
+        frames
+    }
+
+    /// Renders one tile at all times.
+    pub fn render_tile(&self, tile: Tile) -> TileResult {
+        self.with_view(|view| render_tile(view, tile))
+    }
+
+    /// The run as the tracer sees it.
+    pub fn with_view<T>(&self, act: impl FnOnce(&View<'_>) -> T) -> T {
+        let sight = |x: f64, y: f64| {
+            let ray = self.camera.ray(x, y);
+            Ray::new(ray.origin, ray.direction)
+        };
+        act(&View {
+            scenery: &self.scenery,
+            algorithm: self.algorithm.as_ref(),
+            sight: &sight,
+            pixels: self.pixels,
+            channels: &self.channels,
+            times: &self.light,
+            accuracy: self.accuracy,
+            seed: self.seed,
+            id: self.view_id,
+            surface_radiance: self.products.surface_radiance,
+        })
+    }
+}
+
+impl Frames {
+    /// Empty frames of a run.
+    pub(crate) fn new(run: &Run) -> Self {
+        let n = (run.pixels.0 * run.pixels.1) as usize;
+        let channels = run.channels.channels().to_vec();
+        let images = |wanted: bool| vec![vec![0.0; n]; if wanted { channels.len() } else { 0 }];
+        let frames = (run.moments.iter())
+            .map(|moment| Frame {
+                label: moment.label.clone(),
+                radiance: images(true),
+                error: images(true),
+                surface: images(run.products.surface_radiance),
+                lit: vec![0.0; n],
+            })
+            .collect();
+        Self {
+            width: run.pixels.0,
+            height: run.pixels.1,
+            channels,
+            frames,
+            truth: vec![vec![0.0; n]; TileResult::TRUTH_MAPS],
+            samples: vec![0.0; n],
+            rays: RayCounts::default(),
+        }
+    }
+
+    fn insert(&mut self, tile: Tile, result: &TileResult) {
+        let width = self.width;
+        for t in 0..self.frames.len() {
+            insert_frame(&mut self.frames[t], t, tile, result, width);
+        }
+        for (map, image) in self.truth.iter_mut().enumerate() {
+            copy_tile(tile, &result.truth, map, image, width);
+        }
+        copy_tile(tile, &result.samples, 0, &mut self.samples, width);
+        self.rays += result.rays;
+    }
+
+    /// A stable text for snapshots: per frame and channel the statistics to four significant digits, and a coarse map
+    /// of means to three.
+    pub fn digest(&self) -> String {
+        Digest(self).to_string()
+    }
+}
+
+/// Copies frame `t` of a tile into an image.
+pub(crate) fn insert_frame(frame: &mut Frame, t: usize, tile: Tile, result: &TileResult, width: u32) {
+    let n_channels = frame.radiance.len();
+    for c in 0..n_channels {
+        copy_tile(tile, &result.radiance, t * n_channels + c, &mut frame.radiance[c], width);
+        copy_tile(tile, &result.error, t * n_channels + c, &mut frame.error[c], width);
+        if let Some(surface) = frame.surface.get_mut(c) {
+            copy_tile(tile, &result.surface, t * n_channels + c, surface, width);
+        }
+    }
+    copy_tile(tile, &result.lit, t, &mut frame.lit, width);
+}
+
+/// Copies layer `layer` of a tile's stack into an image of `width` columns.
+pub(crate) fn copy_tile(tile: Tile, stack: &[f32], layer: usize, image: &mut [f32], width: u32) {
+    let (w, h) = (tile.width as usize, tile.height as usize);
+    for row in 0..h {
+        let from = (layer * h + row) * w;
+        let to = (tile.y as usize + row) * width as usize + tile.x as usize;
+        image[to..to + w].copy_from_slice(&stack[from..from + w]);
+    }
+}
+
+struct Digest<'a>(&'a Frames);
+
+/// `value` to `digits` significant digits; what is smaller than rounding noise is 0.
+fn significant(value: f64, digits: usize) -> String {
+    if value.abs() < 1e-12 { "0".to_string() } else { format!("{value:.*e}", digits - 1) }
+}
+
+impl fmt::Display for Digest<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let frames = self.0;
+        writeln!(f, "{} x {} pixels, radiance in W m-2 sr-1 um-1", frames.width, frames.height)?;
+        for frame in &frames.frames {
+            for (channel, image) in frames.channels.iter().zip(&frame.radiance) {
+                let n = image.len() as f64;
+                let mean = image.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
+                let spread = (image.iter().map(|v| (f64::from(*v) - mean).powi(2)).sum::<f64>() / n).sqrt();
+                let low = image.iter().copied().fold(f32::INFINITY, f32::min);
+                let high = image.iter().copied().fold(f32::NEG_INFINITY, f32::max);
+                writeln!(
+                    f,
+                    "{} {}: mean {} deviation {} least {} most {}",
+                    frame.label,
+                    channel.name,
+                    significant(mean, 4),
+                    significant(spread, 4),
+                    significant(f64::from(low), 4),
+                    significant(f64::from(high), 4),
+                )?;
+                for row in coarse(image, frames.width as usize, frames.height as usize) {
+                    let cells: Vec<String> = row.iter().map(|value| format!("{:>8}", significant(*value, 3))).collect();
+                    writeln!(f, "  {}", cells.join(" "))?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Means over a coarse raster of cells; an image smaller than the raster keeps its pixels.
+fn coarse(image: &[f32], width: usize, height: usize) -> Vec<Vec<f64>> {
+    let (columns, rows) = (COARSE.0.min(width), COARSE.1.min(height));
+    (0..rows)
+        .map(|row| {
+            let ys = row * height / rows..(row + 1) * height / rows;
+            (0..columns)
+                .map(|column| {
+                    let xs = column * width / columns..(column + 1) * width / columns;
+                    let n = (xs.len() * ys.len()) as f64;
+                    let cell = ys.clone().flat_map(|y| image[y * width + xs.start..y * width + xs.end].iter());
+                    cell.map(|v| f64::from(*v)).sum::<f64>() / n
+                })
+                .collect()
+        })
+        .collect()
+}

@@ -1,0 +1,469 @@
+//! Rendering to files: tile by tile, resumable, each file whole or not at all.
+
+use std::collections::BTreeMap;
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Instant;
+
+use rayon::prelude::*;
+use serde_json::{Value, json};
+use sunglint_tracer::{RayCounts, Tile, TileResult, tiles};
+
+use crate::cache::TileStore;
+use crate::frames::{Frame, copy_tile, insert_frame};
+use crate::plan::{Plan, Run, Skip};
+use crate::products::{
+    Raster, RasterChannel, Stretch, StretchCollector, composite_bands, write_envi, write_exr, write_png_gray,
+    write_png_rgb, write_whole,
+};
+use crate::times;
+
+/// Bytes of frames that are assembled at a time.
+const FRAMES_AT_ONCE: usize = 1 << 30;
+const RADIANCE_UNIT: &str = "W m-2 sr-1 um-1";
+
+/// What could not be finished.
+#[derive(Debug, thiserror::Error)]
+pub enum RenderError {
+    /// A file or folder that could not be written.
+    #[error("writing `{path}`: {source}")]
+    Write {
+        /// The file or folder.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The user stopped the run; what is finished is kept.
+    #[error("stopped; finished tiles are kept and the next render goes on from them")]
+    Stopped,
+}
+
+/// How far a render is, for progress bars.
+pub trait Progress: Sync {
+    /// A run begins, with its number of tiles.
+    fn begin(&self, run: &Run, tiles: usize);
+    /// One more tile is finished (`cached` where it had been before).
+    fn tile(&self, cached: bool, rays: u64);
+    /// A run ends.
+    fn end(&self, run: &Run, rendered: &Rendered);
+    /// Whether the user wants to stop.
+    fn stopped(&self) -> bool {
+        false
+    }
+}
+
+/// What a run did.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendered {
+    /// Folder of the run.
+    pub folder: PathBuf,
+    /// Frames written; 0 where nothing had changed.
+    pub frames: usize,
+    /// Tiles rendered now.
+    pub tiles_rendered: usize,
+    /// Tiles that had been finished before.
+    pub tiles_resumed: usize,
+    /// Rays of all tiles.
+    pub rays: RayCounts,
+    /// Seconds of rendering and of writing.
+    pub seconds: (f64, f64),
+}
+
+/// Renders every run of a plan beneath `out`.
+///
+/// # Errors
+/// Writing, or the user.
+pub fn render(plan: &Plan, out: &Path, progress: &dyn Progress) -> Result<Vec<Rendered>, RenderError> {
+    plan.runs()
+        .iter()
+        .map(|run| {
+            let rendered = render_run(plan, run, out, progress)?;
+            progress.end(run, &rendered);
+            Ok(rendered)
+        })
+        .collect()
+}
+
+fn at(path: &Path) -> impl FnOnce(io::Error) -> RenderError + '_ {
+    move |source| RenderError::Write { path: path.to_path_buf(), source }
+}
+
+fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Result<Rendered, RenderError> {
+    let folder = out.join(&run.experiment).join(&run.sensor);
+    let manifest = folder.join("manifest.json");
+    let tiles = tiles(run.pixels);
+    progress.begin(run, tiles.len());
+    if is_up_to_date(&manifest, &folder, run) {
+        tiles.iter().for_each(|_| progress.tile(true, 0));
+        let rays = RayCounts::default();
+        return Ok(Rendered {
+            folder,
+            frames: 0,
+            tiles_rendered: 0,
+            tiles_resumed: tiles.len(),
+            rays,
+            seconds: (0.0, 0.0),
+        });
+    }
+    let started = Instant::now();
+    let store = TileStore::new(out, &run.key);
+    let resumed = AtomicU64::new(0);
+    let failed = AtomicBool::new(false);
+    let counts: Result<Vec<RayCounts>, RenderError> = (tiles.par_iter().enumerate())
+        .map(|(i, tile)| {
+            if failed.load(Ordering::Relaxed) || progress.stopped() {
+                return Err(RenderError::Stopped);
+            }
+            if let Some(result) = store.load(i).filter(|result| fits(result, *tile, run)) {
+                resumed.fetch_add(1, Ordering::Relaxed);
+                progress.tile(true, 0);
+                return Ok(result.rays);
+            }
+            let result = run.render_tile(*tile);
+            store.save(i, &result).map_err(|source| {
+                failed.store(true, Ordering::Relaxed);
+                RenderError::Write { path: out.to_path_buf(), source }
+            })?;
+            let rays = &result.rays;
+            progress.tile(false, rays.camera + rays.hemisphere + rays.mirror + rays.sun);
+            Ok(result.rays)
+        })
+        .collect();
+    let counts = counts?;
+    let rendered_in = started.elapsed().as_secs_f64();
+    let mut rays = RayCounts::default();
+    counts.iter().for_each(|count| rays += *count);
+    let writing = Instant::now();
+    let load = |i: usize| {
+        store.load(i).ok_or_else(|| RenderError::Write {
+            path: out.to_path_buf(),
+            source: io::Error::other("a finished tile has gone from the folder while it was rendered"),
+        })
+    };
+    write_products(run, &folder, &tiles, &load)?;
+    let resumed = resumed.into_inner() as usize;
+    let seconds = (rendered_in, writing.elapsed().as_secs_f64());
+    let rendered = Rendered {
+        folder: folder.clone(),
+        frames: run.moments.len(),
+        tiles_rendered: tiles.len() - resumed,
+        tiles_resumed: resumed,
+        rays,
+        seconds,
+    };
+    let text = format!("{:#}\n", manifest_of(plan, run, &rendered));
+    write_whole(&manifest, |file| io::Write::write_all(file, text.as_bytes())).map_err(at(&manifest))?;
+    store.remove().map_err(at(out))?;
+    Ok(rendered)
+}
+
+/// Whether a tile from disk has the shape that this run gives it.
+fn fits(result: &TileResult, tile: Tile, run: &Run) -> bool {
+    let n = (tile.width * tile.height) as usize;
+    let stack = n * run.moments.len() * run.channels.len();
+    result.radiance.len() == stack && result.error.len() == stack && result.truth.len() == n * TileResult::TRUTH_MAPS
+}
+
+/// Whether the folder holds this very run, complete.
+fn is_up_to_date(manifest: &Path, folder: &Path, run: &Run) -> bool {
+    let Ok(text) = fs::read_to_string(manifest) else { return false };
+    let Ok(value) = serde_json::from_str::<Value>(&text) else { return false };
+    value["key"] == run.key.as_str() && expected_files(run).iter().all(|file| folder.join(file).is_file())
+}
+
+fn expected_files(run: &Run) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    for moment in &run.moments {
+        let frame = Path::new(&moment.label);
+        if run.products.radiance {
+            files.extend(["radiance.exr", "radiance.img", "radiance.hdr", "error.exr"].map(|name| frame.join(name)));
+        }
+        if run.products.surface_radiance {
+            files.push(frame.join("surface_radiance.exr"));
+        }
+        if run.products.truth {
+            files.push(frame.join("lit.exr"));
+        }
+        if run.products.preview {
+            files.extend(previews(run).into_iter().map(|preview| frame.join(preview.file)));
+        }
+    }
+    if run.products.truth {
+        files.push("truth.exr".into());
+    }
+    files
+}
+
+struct Preview {
+    file: String,
+    bands: Vec<usize>,
+}
+
+/// A grey preview of every band of a sensor with few bands, and the composites.
+fn previews(run: &Run) -> Vec<Preview> {
+    const MOST_BANDS: usize = 16;
+    let channels = run.channels.channels();
+    let mut previews = Vec::new();
+    if channels.len() <= MOST_BANDS {
+        let grey = |(i, channel): (usize, &sunglint_radiometry::Channel)| Preview {
+            file: format!("{}.png", channel.name),
+            bands: vec![i],
+        };
+        previews.extend(channels.iter().enumerate().map(grey));
+    }
+    let centres: Vec<Option<f64>> = channels.iter().map(|channel| Some(channel.centre.nm())).collect();
+    previews.extend(
+        composite_bands(&centres)
+            .into_iter()
+            .map(|composite| Preview { file: format!("{}.png", composite.name), bands: composite.channels.to_vec() }),
+    );
+    previews
+}
+
+type Load<'a> = &'a (dyn Fn(usize) -> Result<TileResult, RenderError> + Sync);
+
+fn write_products(run: &Run, folder: &Path, tiles: &[Tile], load: Load<'_>) -> Result<(), RenderError> {
+    let (width, height) = run.pixels;
+    let n = (width * height) as usize;
+    let n_channels = run.channels.len();
+    // Frames are assembled a few at a time, so that memory is bounded whatever the number of times.
+    let per_frame = n * 4 * (2 * n_channels + 1 + if run.products.surface_radiance { n_channels } else { 0 });
+    let at_once = (FRAMES_AT_ONCE / per_frame.max(1)).clamp(1, run.moments.len().max(1));
+    let mut stretches: Vec<StretchCollector> = (0..n_channels).map(|_| StretchCollector::default()).collect();
+    let blank = |t: usize| Frame {
+        label: run.moments[t].label.clone(),
+        radiance: vec![vec![0.0; n]; n_channels],
+        error: vec![vec![0.0; n]; n_channels],
+        surface: vec![vec![0.0; n]; if run.products.surface_radiance { n_channels } else { 0 }],
+        lit: vec![0.0; n],
+    };
+    let mut truth = vec![vec![0.0; n]; TileResult::TRUTH_MAPS];
+    let mut samples = vec![0.0; n];
+    let chunks: Vec<Vec<usize>> =
+        (0..run.moments.len()).collect::<Vec<_>>().chunks(at_once).map(<[usize]>::to_vec).collect();
+    for chunk in &chunks {
+        let mut frames: Vec<Frame> = chunk.iter().map(|t| blank(*t)).collect();
+        for (i, tile) in tiles.iter().enumerate() {
+            let result = load(i)?;
+            for (frame, t) in frames.iter_mut().zip(chunk) {
+                insert_frame(frame, *t, *tile, &result, width);
+            }
+            if chunk[0] == 0 {
+                for (map, image) in truth.iter_mut().enumerate() {
+                    copy_tile(*tile, &result.truth, map, image, width);
+                }
+                copy_tile(*tile, &result.samples, 0, &mut samples, width);
+            }
+        }
+        frames.par_iter().zip(chunk).try_for_each(|(frame, t)| write_frame(run, folder, frame, *t))?;
+        for frame in &frames {
+            stretches.iter_mut().zip(&frame.radiance).for_each(|(stretch, image)| stretch.add(image));
+        }
+        if chunks.len() == 1 && run.products.preview {
+            let stretches = series_stretches(&stretches);
+            frames.par_iter().try_for_each(|frame| write_previews(run, folder, frame, &stretches))?;
+        }
+    }
+    if chunks.len() > 1 && run.products.preview {
+        let stretches = series_stretches(&stretches);
+        for chunk in &chunks {
+            let mut frames: Vec<Frame> = chunk.iter().map(|t| blank(*t)).collect();
+            for (i, tile) in tiles.iter().enumerate() {
+                let result = load(i)?;
+                frames.iter_mut().zip(chunk).for_each(|(frame, t)| insert_frame(frame, *t, *tile, &result, width));
+            }
+            frames.par_iter().try_for_each(|frame| write_previews(run, folder, frame, &stretches))?;
+        }
+    }
+    if run.products.truth {
+        write_truth(run, folder, &truth, &samples)?;
+    }
+    Ok(())
+}
+
+fn series_stretches(collectors: &[StretchCollector]) -> Vec<Stretch> {
+    collectors.iter().map(StretchCollector::stretch).collect()
+}
+
+fn raster<'a>(run: &Run, images: &'a [Vec<f32>]) -> Raster<'a> {
+    let channels = (run.channels.channels().iter().zip(images))
+        .map(|(channel, data)| RasterChannel {
+            name: channel.name.clone(),
+            unit: RADIANCE_UNIT,
+            centre_nm: Some(channel.centre.nm()),
+            fwhm_nm: Some(channel.fwhm * 1e3),
+            data,
+        })
+        .collect();
+    Raster { width: run.pixels.0, height: run.pixels.1, channels }
+}
+
+fn attributes(run: &Run, t: Option<usize>) -> Vec<(&'static str, String)> {
+    let mut attributes = vec![
+        ("sunglint:version", env!("CARGO_PKG_VERSION").to_string()),
+        ("sunglint:experiment", run.experiment.clone()),
+        ("sunglint:sensor", run.sensor.clone()),
+        ("sunglint:algorithm", run.algorithm_name.clone()),
+        ("sunglint:atmosphere", run.atmosphere_name.clone()),
+        ("sunglint:key", run.key.clone()),
+    ];
+    if let Some(moment) = t.map(|t| &run.moments[t]) {
+        attributes.push(("sunglint:time", moment.utc.map_or_else(|| moment.label.clone(), times::iso)));
+        if let Some(sun) = &moment.sun {
+            attributes.push(("sunglint:sun_zenith_deg", format!("{:.5}", sun.apparent.zenith().to_degrees())));
+            attributes.push(("sunglint:sun_azimuth_deg", format!("{:.5}", sun.apparent.azimuth().to_degrees())));
+        }
+    }
+    attributes
+}
+
+fn write_frame(run: &Run, folder: &Path, frame: &Frame, t: usize) -> Result<(), RenderError> {
+    let folder = folder.join(&frame.label);
+    let attributes = attributes(run, Some(t));
+    let exr = |name: &str, raster: &Raster<'_>| {
+        let path = folder.join(name);
+        write_exr(&path, raster, &attributes).map_err(at(&path))
+    };
+    if run.products.radiance {
+        exr("radiance.exr", &raster(run, &frame.radiance))?;
+        exr("error.exr", &raster(run, &frame.error))?;
+        let path = folder.join("radiance.img");
+        let description =
+            format!("Sunglint at-sensor spectral radiance, {} {} {}", run.experiment, run.sensor, frame.label);
+        write_envi(&path, &raster(run, &frame.radiance), &description, &attributes).map_err(at(&path))?;
+    }
+    if run.products.surface_radiance {
+        exr("surface_radiance.exr", &raster(run, &frame.surface))?;
+    }
+    if run.products.truth {
+        exr("lit.exr", &map_raster(run, &[("sun_lit_fraction", "1", &frame.lit)]))?;
+    }
+    Ok(())
+}
+
+fn map_raster<'a>(run: &Run, maps: &[(&str, &'a str, &'a Vec<f32>)]) -> Raster<'a> {
+    let channels = (maps.iter())
+        .map(|(name, unit, data)| RasterChannel {
+            name: (*name).to_string(),
+            unit,
+            centre_nm: None,
+            fwhm_nm: None,
+            data,
+        })
+        .collect();
+    Raster { width: run.pixels.0, height: run.pixels.1, channels }
+}
+
+/// Names and units of the truth maps, in order.
+const TRUTH: [(&str, &str); TileResult::TRUTH_MAPS] = [
+    ("material_code", "1"),
+    ("object", "1"),
+    ("facet", "1"),
+    ("x", "m"),
+    ("y", "m"),
+    ("z", "m"),
+    ("range", "m"),
+    ("view_zenith", "deg"),
+    ("sky_view_factor", "1"),
+];
+
+fn write_truth(run: &Run, folder: &Path, truth: &[Vec<f32>], samples: &Vec<f32>) -> Result<(), RenderError> {
+    let mut maps: Vec<(&str, &str, &Vec<f32>)> =
+        TRUTH.iter().zip(truth).map(|((name, unit), image)| (*name, *unit, image)).collect();
+    maps.push(("samples", "1", samples));
+    let mut attributes = attributes(run, None);
+    let objects: Vec<String> = run.objects.iter().map(|(id, name)| format!("{id} {name}")).collect();
+    attributes.push(("sunglint:objects", objects.join("; ")));
+    let path = folder.join("truth.exr");
+    write_exr(&path, &map_raster(run, &maps), &attributes).map_err(at(&path))
+}
+
+fn write_previews(run: &Run, folder: &Path, frame: &Frame, stretches: &[Stretch]) -> Result<(), RenderError> {
+    let (width, height) = run.pixels;
+    for preview in previews(run) {
+        let path = folder.join(&frame.label).join(&preview.file);
+        let image = |i: usize| frame.radiance[i].as_slice();
+        let written = match preview.bands[..] {
+            [i] => write_png_gray(&path, width, height, image(i), stretches[i]),
+            [r, g, b] => {
+                let stretches = [stretches[r], stretches[g], stretches[b]];
+                write_png_rgb(&path, width, height, [image(r), image(g), image(b)], stretches)
+            }
+            _ => Ok(()),
+        };
+        written.map_err(at(&path))?;
+    }
+    Ok(())
+}
+
+/// Skips as JSON.
+pub fn skips_json(skips: &[Skip]) -> Value {
+    skips.iter().map(|skip| json!({"what": skip.what, "why": skip.why})).collect()
+}
+
+/// Ray counts as JSON.
+pub fn rays_json(rays: &RayCounts) -> Value {
+    json!({
+        "camera": rays.camera,
+        "hemisphere": rays.hemisphere,
+        "mirror": rays.mirror,
+        "sun": rays.sun,
+        "sun_skipped_turned_away": rays.sun_turned_away,
+        "sun_skipped_proved_clear": rays.sun_proved_clear,
+        "hemisphere_skipped_open": rays.hemisphere_open,
+    })
+}
+
+/// A run's times as JSON: the instant and the sun's place.
+pub fn moments_json(run: &Run) -> Value {
+    (run.moments.iter())
+        .map(|moment| {
+            let mut row = json!({"frame": moment.label, "time_utc": moment.utc.map(times::iso)});
+            if let Some(sun) = &moment.sun {
+                row["sun_zenith_deg"] = json!(sun.true_zenith.to_degrees());
+                row["sun_apparent_zenith_deg"] = json!(sun.apparent.zenith().to_degrees());
+                row["sun_azimuth_deg"] = json!(sun.apparent.azimuth().to_degrees());
+                row["earth_sun_distance_au"] = json!(sun.distance);
+            }
+            row
+        })
+        .collect()
+}
+
+fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
+    let files: BTreeMap<&String, &String> = plan.files.iter().collect();
+    let channels: Vec<Value> = (run.channels.channels().iter())
+        .map(|c| json!({"name": c.name, "centre_nm": c.centre.nm(), "fwhm_nm": c.fwhm * 1e3}))
+        .collect();
+    json!({
+        "sunglint_version": env!("CARGO_PKG_VERSION"),
+        "key": run.key,
+        "title": plan.title,
+        "experiment": run.experiment,
+        "sensor": run.sensor,
+        "pixels": [run.pixels.0, run.pixels.1],
+        "algorithm": run.algorithm_name,
+        "atmosphere": run.atmosphere_name,
+        "models": run.models,
+        "accuracy": format!("{:?}", run.accuracy),
+        "seed": run.seed,
+        "unit": RADIANCE_UNIT,
+        "channels": channels,
+        "grid_entries": run.grid.len(),
+        "times": moments_json(run),
+        "objects": run.objects.iter().map(|(id, name)| json!({"id": id, "name": name})).collect::<Vec<_>>(),
+        "inputs_blake3": files,
+        "facets": plan.facets,
+        "geometry_bytes": plan.geometry_bytes,
+        "threads": rayon::current_num_threads(),
+        "render_s": rendered.seconds.0,
+        "write_s": rendered.seconds.1,
+        "tiles_rendered": rendered.tiles_rendered,
+        "tiles_resumed": rendered.tiles_resumed,
+        "rays": rays_json(&rendered.rays),
+        "skips": skips_json(&plan.skips.iter().chain(&run.skips).cloned().collect::<Vec<_>>()),
+        "estimators": run.estimators,
+    })
+}

@@ -1,0 +1,26 @@
+//! The radiance algorithms, registered like models; sampling; tiles; and the light of many times on paths that are
+//! traced once.
+//!
+//! A view (one sensor, all its times) is rendered tile by tile. Within a tile, blocks of pixels are traced by an
+//! [`Algorithm`] into [`Paths`]: vertices, escapes to the sky, and chains of reflectances, none of which depends on a
+//! time or a wavelength. Each time then lights the same paths, and channels are folded before mean and variance are
+//! formed.
+
+mod algorithm;
+mod illumination;
+mod light;
+mod paths;
+mod published;
+mod render;
+mod sampler;
+mod scenery;
+mod sightline;
+
+pub use algorithm::{Algorithm, BUILTIN, Lighting};
+pub use illumination::Illumination;
+pub use light::Term;
+pub use paths::{Paths, RayCounts};
+pub use published::{Approximations, IDEAL, SPLIT};
+pub use render::{Accuracy, PixelTerms, Tile, TileResult, View, render_pixel_terms, render_tile, tiles};
+pub use sampler::Stream;
+pub use scenery::{Scenery, Surface};

@@ -1,0 +1,663 @@
+//! The algorithms `ideal` [Stark1993, eqs. 3.10, 3.11] and `split` [Stark1993, eq. 4.1].
+//!
+//! Both trace a target and what stands around it, and differ in how a material answers: `ideal` takes it as either
+//! diffuse or specular, `split` as both. Everything that the printed equations approximate can be lifted by name.
+
+use std::f64::consts::{FRAC_PI_6, PI};
+use std::ops::Range;
+use std::sync::Arc;
+
+use glam::DVec3;
+use smallvec::SmallVec;
+use sunglint_atmosphere::Needs;
+use sunglint_geometry::{Hit, Ray};
+use sunglint_plugin::{Args, BindError, Default, Model, ModelInfo, Param};
+use sunglint_radiometry::{Frame, LocalDir, WorldDir};
+use sunglint_reflectance::AngularSpectra;
+
+use crate::algorithm::{Algorithm, Lighting};
+use crate::light::Term;
+use crate::paths::{Component, Factor, GlintLaw, Paths, Sample, Source};
+use crate::sampler::{concentric_disk, cosine_hemisphere};
+use crate::{Scenery, Stream};
+
+/// Surfaces after which an unlimited path is played with Russian roulette.
+const ROULETTE_FROM: u32 = 8;
+/// Surfaces after which an unlimited path ends: between perfect reflectors roulette alone would not end it.
+const DEPTH_LIMIT: u32 = 4096;
+
+/// Every approximation of the published equations, each of which can be lifted alone.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Approximations {
+    /// The radiometrically consistent form (else the printed one).
+    pub corrected: bool,
+    /// The sky behind F is directional (else isotropic).
+    pub directional_sky: bool,
+    /// F follows from the tilt alone (else from rays, with the closed form where nothing obstructs).
+    pub slope_sky_view: bool,
+    /// The background is the average of what the hemisphere rays hit (else the first of them).
+    pub average_background: bool,
+    /// The background has its own F (else the target's).
+    pub own_background_sky: bool,
+    /// The background reflects at its actual view angle (else at 30°).
+    pub actual_background_angle: bool,
+    /// The background reflects with all its lobes (else diffusely).
+    pub all_background_lobes: bool,
+    /// The specular lobe's overlap with the sun's disk conserves energy (else a flag).
+    pub conserving_glint: bool,
+    /// The sun is a disk (else a point).
+    pub sun_disk: bool,
+    /// Surfaces of a path; `None` is unlimited.
+    pub depth: Option<u32>,
+    /// Quantities are averaged over bands before they are multiplied.
+    pub band_means: bool,
+    /// The ground's albedo brightens the sky.
+    pub adjacency: bool,
+    /// Hemisphere rays a sample.
+    pub rays: u32,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Treatment {
+    /// Either diffuse or specular.
+    Ideal,
+    /// Both.
+    Split,
+}
+
+struct Published {
+    treatment: Treatment,
+    with: Approximations,
+}
+
+const fn choice(
+    name: &'static str,
+    words: &'static [&'static str],
+    default: &'static str,
+    help: &'static str,
+) -> Param {
+    Param::word(name, words, Default::Word(default), help)
+}
+
+const READING: Param =
+    choice("reading", &["published", "corrected"], "published", "equations as printed, or radiometrically consistent");
+const SKY: Param = choice("sky", &["isotropic", "directional"], "isotropic", "sky behind F: its mean, or L_d(θ, φ)");
+const SKY_VIEW: Param =
+    choice("sky_view", &["rays", "slope"], "rays", "F by hemisphere rays, or (1 + cos β)/2 whatever stands around");
+const BACKGROUND: Param =
+    choice("background", &["point", "average"], "point", "one background point a sample, or the mean of all hit");
+const BACKGROUND_SKY: Param =
+    choice("background_sky", &["target", "own"], "target", "F of the background: the target's, or its own");
+const BACKGROUND_LOBES: Param =
+    choice("background_lobes", &["diffuse", "all"], "diffuse", "how the background reflects");
+const GLINT: Param = choice(
+    "glint",
+    &["published", "conserving"],
+    "published",
+    "sun in the specular lobe: a flag, or the overlap with the disk",
+);
+const SUN: Param = choice("sun", &["point", "disk"], "point", "the sun as a point or a disk of 0.533°");
+const DEPTH: Param =
+    Param::count("depth", &["unlimited"], Default::Count(2), "surfaces of a path; 2 is target and background")
+        .within(1.0, 4096.0);
+const SPECTRAL: Param =
+    choice("spectral", &["wavelength", "band"], "wavelength", "products per wavelength, or of band means");
+const ADJACENCY: Param = Param::switch("adjacency", true, "the ground's albedo brightens the sky");
+const RAYS: Param =
+    Param::count("rays", &[], Default::Count(1), "hemisphere rays a sample, where F has no closed form")
+        .within(1.0, 1024.0);
+
+/// `ideal`: each material either diffuse or specular.
+pub const IDEAL: Model<dyn Algorithm> = Model {
+    info: ModelInfo {
+        name: "ideal",
+        summary: "each material either diffuse or specular (Stark 1993, eqs. 3.10 and 3.11)",
+        manual: include_str!("../manual/ideal.md"),
+        params: &[
+            READING,
+            SKY,
+            SKY_VIEW,
+            BACKGROUND,
+            BACKGROUND_SKY,
+            choice(
+                "background_angle",
+                &["fixed", "actual"],
+                "fixed",
+                "background reflectance at 30°, or at its view angle",
+            ),
+            BACKGROUND_LOBES,
+            GLINT,
+            SUN,
+            DEPTH,
+            SPECTRAL,
+            ADJACENCY,
+            RAYS,
+        ],
+    },
+    bind: |args, _| bind(Treatment::Ideal, args),
+};
+
+/// `split`: every material with both components.
+pub const SPLIT: Model<dyn Algorithm> = Model {
+    info: ModelInfo {
+        name: "split",
+        summary: "every material diffuse and specular by view angle (Stark 1993, eq. 4.1)",
+        manual: include_str!("../manual/split.md"),
+        params: &[
+            READING,
+            SKY,
+            SKY_VIEW,
+            BACKGROUND,
+            BACKGROUND_SKY,
+            choice(
+                "background_angle",
+                &["actual", "fixed"],
+                "actual",
+                "background reflectance at its view angle, or at 30°",
+            ),
+            BACKGROUND_LOBES,
+            GLINT,
+            SUN,
+            DEPTH,
+            SPECTRAL,
+            ADJACENCY,
+            RAYS,
+        ],
+    },
+    bind: |args, _| bind(Treatment::Split, args),
+};
+
+fn bind(treatment: Treatment, args: &Args) -> Result<Arc<dyn Algorithm>, BindError> {
+    let is = |name: &str, word: &str| args.word(name) == Some(word);
+    let with = Approximations {
+        corrected: is("reading", "corrected"),
+        directional_sky: is("sky", "directional"),
+        slope_sky_view: is("sky_view", "slope"),
+        average_background: is("background", "average"),
+        own_background_sky: is("background_sky", "own"),
+        actual_background_angle: is("background_angle", "actual"),
+        all_background_lobes: is("background_lobes", "all"),
+        conserving_glint: is("glint", "conserving"),
+        sun_disk: is("sun", "disk"),
+        depth: args.count("depth").map(|depth| depth as u32),
+        band_means: is("spectral", "band"),
+        adjacency: args.switch("adjacency").unwrap_or(true),
+        rays: args.count("rays").unwrap_or(1) as u32,
+    };
+    Ok(Arc::new(Published { treatment, with }))
+}
+
+/// R(θ) = Σ_j w_j R_j of a component at a view angle.
+type Factors = SmallVec<[(Factor, f64); 4]>;
+
+/// How the sky seen from the target enters, for `background_sky target`.
+#[derive(Clone, Copy)]
+struct TargetSky {
+    normal: DVec3,
+    hit: Hit,
+    /// F where it has a closed form.
+    closed: Option<f64>,
+}
+
+/// Where a path stands.
+struct Step {
+    hit: Hit,
+    /// Towards where the path came from.
+    outgoing: WorldDir,
+    /// Reflectances so far.
+    chains: Range<u32>,
+    weight: f64,
+    /// Surfaces so far, this one included.
+    depth: u32,
+    /// The specular component of the target led here.
+    by_mirror: bool,
+}
+
+impl Algorithm for Published {
+    fn needs(&self, scenery: &Scenery) -> Needs {
+        let _ = scenery;
+        // Mirrors and lines of sight that leave the scene look into the sky itself, whatever stands behind F.
+        Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true }
+    }
+
+    fn lighting(&self) -> Lighting {
+        Lighting { sun_disk: self.with.sun_disk, band_means: self.with.band_means, adjacency: self.with.adjacency }
+    }
+
+    fn skips(&self, scenery: &Scenery) -> Vec<String> {
+        let mut skips = Vec::new();
+        if !scenery.has_specular() {
+            skips.push("no mirror rays: no material has a specular component (R_s = 0)".to_string());
+        }
+        if self.with.depth == Some(1) {
+            skips.push("no background: depth 1".to_string());
+        }
+        if self.with.slope_sky_view {
+            skips.push("no view-factor rays: `sky_view slope` takes F from the tilt".to_string());
+        }
+        if !self.with.directional_sky {
+            skips.push("no sky directions behind F: `sky isotropic` takes the mean sky".to_string());
+        }
+        skips
+    }
+
+    fn estimators(&self) -> Vec<String> {
+        let rays = self.with.rays;
+        let points = if self.with.average_background { rays } else { 1 };
+        vec![format!(
+            "F and background by {rays} cosine-weighted hemisphere ray{} a sample, {points} background point{} a sample; \
+             closed forms where nothing rises above a facet's plane",
+            if rays == 1 { "" } else { "s" },
+            if points == 1 { "" } else { "s" },
+        )]
+    }
+
+    fn trace(&self, scenery: &Scenery, sight: &Ray, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
+        paths.rays.camera += 1;
+        let id = paths.samples.len() as u32;
+        let Some(hit) = scenery.world.closest(sight) else {
+            paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, cluster: 0 });
+            let root = paths.root();
+            paths.record(id, root.clone(), Source::Sky(sight.direction), 1.0, Term::SkyDirect);
+            paths.record(id, root, Source::Disk(sight.direction), 1.0, Term::SkyDirect);
+            return;
+        };
+        let vertex = self.vertex(hit, true, stream, paths);
+        paths.samples.push(Sample { replicate, vertex: Some(vertex), range: hit.t, sky_view: 0.0, cluster: 0 });
+        let chains = paths.root();
+        let step = Step { hit, outgoing: -sight.direction, chains, weight: 1.0, depth: 1, by_mirror: false };
+        self.target(scenery, id, vertex, &step, stream, paths);
+    }
+}
+
+/// R(θ) of a component at a view angle, as weighted factors.
+fn factors(material: u32, component: Component, table: &AngularSpectra, theta: f64) -> Factors {
+    let weighted = table.weights(theta).into_iter().filter(|(_, weight)| *weight != 0.0);
+    weighted.map(|(node, weight)| (Factor { material, component, node: node as u16 }, weight)).collect()
+}
+
+/// Sky fraction of an unobstructed facet of this normal: (1 + cos β)/2.
+fn open_sky_view(normal: DVec3) -> f64 {
+    0.5 * (1.0 + normal.z.clamp(-1.0, 1.0))
+}
+
+impl Published {
+    fn vertex(&self, hit: Hit, first: bool, stream: &mut Stream, paths: &mut Paths) -> u32 {
+        let disk = if self.with.sun_disk { concentric_disk(stream.next2()) } else { [0.0; 2] };
+        paths.vertex(hit, first, disk)
+    }
+
+    /// Whether a path of `depth` surfaces may meet another.
+    fn goes_on(&self, depth: u32) -> bool {
+        depth < self.with.depth.unwrap_or(DEPTH_LIMIT)
+    }
+
+    /// The first surface: both components, each with its sun, sky and background.
+    fn target(&self, scenery: &Scenery, id: u32, vertex: u32, step: &Step, stream: &mut Stream, paths: &mut Paths) {
+        let hit = &step.hit;
+        let surface = scenery.surface(hit.material);
+        let split = surface.bsdf.split();
+        let material = hit.material.0;
+        let theta = angle(hit, step.outgoing);
+        if surface.emission.is_some() && hit.front {
+            let factor = Factor { material, component: Component::Emission, node: 0 };
+            let chains = paths.extend(step.chains.clone(), &[(factor, 1.0)]);
+            paths.record(id, chains, Source::Own, step.weight, Term::Emission);
+        }
+        let sky = TargetSky { normal: hit.normal, hit: *hit, closed: self.closed_sky_view(scenery, hit) };
+        paths.samples[id as usize].sky_view = sky.closed.unwrap_or(f64::NAN);
+
+        let specular_component = if self.with.corrected || self.treatment == Treatment::Ideal {
+            Component::Specular
+        } else {
+            Component::Printed
+        };
+        let table = if specular_component == Component::Printed { &split.printed } else { &split.specular };
+        let (diffuse, specular) = match self.treatment {
+            Treatment::Split => (
+                factors(material, Component::Diffuse, &split.diffuse, theta),
+                factors(material, specular_component, table, theta),
+            ),
+            Treatment::Ideal => {
+                // Either, never both: the larger component at the nadir decides, and the total reflectance answers.
+                let at = |theta| {
+                    let mut all = factors(material, Component::Diffuse, &split.diffuse, theta);
+                    all.extend(factors(material, Component::Specular, &split.specular, theta));
+                    all
+                };
+                if surface.is_specular() {
+                    (Factors::new(), at(theta))
+                } else {
+                    (at(if self.with.corrected { theta } else { 0.0 }), Factors::new())
+                }
+            }
+        };
+        if !diffuse.is_empty() && (self.treatment == Treatment::Ideal || surface.has_diffuse) {
+            let chains = paths.extend(step.chains.clone(), &diffuse);
+            let step = Step { chains, ..copy(step) };
+            paths.record(id, step.chains.clone(), Source::Sun { vertex }, step.weight / PI, Term::DiffuseSun);
+            self.hemisphere(scenery, id, &step, &sky, None, stream, paths);
+        }
+        if !specular.is_empty() && surface.has_specular {
+            let chains = paths.extend(step.chains.clone(), &specular);
+            let step = Step { chains, by_mirror: true, ..copy(step) };
+            self.mirror(scenery, id, vertex, &step, split.solid_angle_at(theta), stream, paths);
+        }
+        if paths.samples[id as usize].sky_view.is_nan() {
+            let seen = self.escape(scenery, hit, stream, paths).is_some();
+            paths.samples[id as usize].sky_view = f64::from(u8::from(seen));
+        }
+    }
+
+    /// F where no ray is needed: by tilt where the scene asks for it, or where nothing but the ground rises above the
+    /// facet's plane.
+    fn closed_sky_view(&self, scenery: &Scenery, hit: &Hit) -> Option<f64> {
+        let open = self.with.slope_sky_view || scenery.world.is_open(hit.facet, hit.front);
+        open.then(|| open_sky_view(hit.normal))
+    }
+
+    /// The sky of a facet whose F has a closed form.
+    fn closed_sky(&self, normal: DVec3, f: f64) -> (Source, f64) {
+        if self.with.directional_sky { (Source::OpenSky(normal), 1.0) } else { (Source::MeanSky, f) }
+    }
+
+    /// A cosine-weighted ray from a facet; its direction where it meets nothing but sky.
+    fn escape(&self, scenery: &Scenery, hit: &Hit, stream: &mut Stream, paths: &mut Paths) -> Option<WorldDir> {
+        let direction = hemisphere_direction(hit, stream);
+        if direction.cos_zenith() <= 0.0 {
+            // Level or downwards: ground, or the black below a scene without one.
+            return None;
+        }
+        paths.rays.hemisphere += 1;
+        (!scenery.world.occluded(&hit.leave(direction))).then_some(direction)
+    }
+
+    /// Skylight that a facet reflects diffusely, and the light of what stands around it.
+    ///
+    /// With `other_sky`, the skylight is that of another facet (F of the target used for the background), and this
+    /// facet's own rays look for surfaces only.
+    #[allow(clippy::too_many_arguments)]
+    fn hemisphere(
+        &self,
+        scenery: &Scenery,
+        id: u32,
+        step: &Step,
+        own_sky: &TargetSky,
+        other_sky: Option<&TargetSky>,
+        stream: &mut Stream,
+        paths: &mut Paths,
+    ) {
+        let first = step.depth == 1;
+        let sky_term = if first { Term::DiffuseSky } else { background_term(step.by_mirror) };
+        let looks_further = self.goes_on(step.depth);
+        if let Some(other) = other_sky {
+            match other.closed {
+                Some(f) => {
+                    let (source, weight) = self.closed_sky(other.normal, f);
+                    paths.record(id, step.chains.clone(), source, step.weight * weight, sky_term);
+                }
+                None => {
+                    if let Some(direction) = self.escape(scenery, &other.hit, stream, paths) {
+                        let source = if self.with.directional_sky { Source::Sky(direction) } else { Source::MeanSky };
+                        paths.record(id, step.chains.clone(), source, step.weight, sky_term);
+                    }
+                }
+            }
+        }
+        let shows_sky = other_sky.is_none();
+        if let Some(f) = own_sky.closed {
+            paths.rays.hemisphere_open += 1;
+            if shows_sky {
+                let (source, weight) = self.closed_sky(own_sky.normal, f);
+                paths.record(id, step.chains.clone(), source, step.weight * weight, sky_term);
+            }
+            if looks_further && f < 1.0 {
+                // All that is not sky lies below the horizon of the facet's hemisphere.
+                if let Some(direction) = below_horizon(&step.hit, stream) {
+                    paths.rays.hemisphere += 1;
+                    if let Some(hit) = scenery.world.closest(&step.hit.leave(direction)) {
+                        self.background(scenery, id, step, hit, direction, step.weight * (1.0 - f), stream, paths);
+                    }
+                }
+            }
+            return;
+        }
+        if !shows_sky && !looks_further {
+            return;
+        }
+        let rays = if first { self.with.rays } else { 1 };
+        let share = step.weight / f64::from(rays);
+        let (mut seen, mut hits, mut point) = (0, 0, None);
+        for _ in 0..rays {
+            let direction = hemisphere_direction(&step.hit, stream);
+            let ray = step.hit.leave(direction);
+            paths.rays.hemisphere += 1;
+            let met = if looks_further {
+                scenery.world.closest(&ray)
+            } else if scenery.world.occluded(&ray) {
+                continue;
+            } else {
+                None
+            };
+            match met {
+                Some(hit) if self.with.average_background => {
+                    self.background(scenery, id, step, hit, direction, share, stream, paths);
+                }
+                Some(hit) => {
+                    hits += 1;
+                    point.get_or_insert((hit, direction));
+                }
+                None if direction.cos_zenith() > 0.0 => {
+                    seen += 1;
+                    if shows_sky {
+                        let source = if self.with.directional_sky { Source::Sky(direction) } else { Source::MeanSky };
+                        paths.record(id, step.chains.clone(), source, share, sky_term);
+                    }
+                }
+                None => {}
+            }
+        }
+        if first {
+            paths.samples[id as usize].sky_view = f64::from(seen) / f64::from(rays);
+        }
+        if let Some((hit, direction)) = point {
+            self.background(scenery, id, step, hit, direction, share * f64::from(hits), stream, paths);
+        }
+    }
+
+    /// What stands at `hit`, seen from the surface before it along `direction`.
+    #[allow(clippy::too_many_arguments)]
+    fn background(
+        &self,
+        scenery: &Scenery,
+        id: u32,
+        from: &Step,
+        hit: Hit,
+        direction: WorldDir,
+        mut weight: f64,
+        stream: &mut Stream,
+        paths: &mut Paths,
+    ) {
+        let surface = scenery.surface(hit.material);
+        let split = surface.bsdf.split();
+        let material = hit.material.0;
+        let depth = from.depth + 1;
+        let term = background_term(from.by_mirror);
+        let outgoing = -direction;
+        if surface.emission.is_some() && hit.front {
+            let factor = Factor { material, component: Component::Emission, node: 0 };
+            let chains = paths.extend(from.chains.clone(), &[(factor, 1.0)]);
+            paths.record(id, chains, Source::Own, weight, term);
+        }
+        if depth > ROULETTE_FROM && self.with.depth.is_none() {
+            let survival = surface.brightest.min(1.0);
+            if stream.next1() >= survival {
+                return;
+            }
+            weight /= survival;
+        }
+        // The diffuse part of the target sees R_b at a fixed angle where the equation says so; a mirror shows it at its own.
+        let theta = if self.with.actual_background_angle || from.by_mirror { angle(&hit, outgoing) } else { FRAC_PI_6 };
+        let mut share = 1.0;
+        if self.with.all_background_lobes && self.goes_on(depth) && surface.has_specular {
+            let (d, s) = surface.mean_components(theta);
+            let specular = s / (s + d);
+            if stream.next1() < specular {
+                let chains =
+                    paths.extend(from.chains.clone(), &factors(material, Component::Specular, &split.specular, theta));
+                let vertex = self.vertex(hit, false, stream, paths);
+                let weight = weight / specular;
+                let step = Step { hit, outgoing, chains, weight, depth, by_mirror: from.by_mirror };
+                self.mirror(scenery, id, vertex, &step, split.solid_angle_at(theta), stream, paths);
+                return;
+            }
+            share = 1.0 / (1.0 - specular);
+        }
+        let mut reflectance = factors(material, Component::Diffuse, &split.diffuse, theta);
+        if self.treatment == Treatment::Ideal {
+            // `ideal` always takes the background as diffuse, whatever its label: its total reflectance answers.
+            reflectance.extend(factors(material, Component::Specular, &split.specular, theta));
+        } else if !surface.has_diffuse {
+            return;
+        }
+        let chains = paths.extend(from.chains.clone(), &reflectance);
+        let vertex = self.vertex(hit, false, stream, paths);
+        let weight = weight * share;
+        paths.record(id, chains.clone(), Source::Sun { vertex }, weight / PI, term);
+        let printed_mirror_without_sky = from.by_mirror && self.treatment == Treatment::Ideal && !self.with.corrected;
+        let own = TargetSky { normal: hit.normal, hit, closed: self.closed_sky_view(scenery, &hit) };
+        let step = Step { hit, outgoing, chains, weight, depth, by_mirror: from.by_mirror };
+        if printed_mirror_without_sky && !self.goes_on(depth) {
+            // Eq. 3.11 gives the background of a mirror the sun alone.
+            return;
+        }
+        let target =
+            TargetSky { normal: from.hit.normal, hit: from.hit, closed: self.closed_sky_view(scenery, &from.hit) };
+        let other = (!self.with.own_background_sky).then_some(&target);
+        self.hemisphere(scenery, id, &step, &own, other, stream, paths);
+    }
+
+    /// The specular component: the sun, the sky or a surface in the mirror direction.
+    #[allow(clippy::too_many_arguments)]
+    fn mirror(
+        &self,
+        scenery: &Scenery,
+        id: u32,
+        vertex: u32,
+        step: &Step,
+        solid_angle: f64,
+        stream: &mut Stream,
+        paths: &mut Paths,
+    ) {
+        let (normal, out) = (step.hit.normal, step.outgoing.vec());
+        let direction = WorldDir::new(2.0 * normal.dot(out) * normal - out);
+        paths.rays.mirror += 1;
+        let met = scenery.world.closest(&step.hit.leave(direction));
+        let first = step.depth == 1;
+        let (sun_term, sky_term) =
+            if first { (Term::SpecularSun, Term::SpecularSky) } else { (background_term(true), background_term(true)) };
+        if self.treatment == Treatment::Ideal && !self.with.corrected {
+            // Eq. 3.11: (E_s/π) I'_t τ₁ cos θ_s R(θ_v), without a test of the mirror direction.
+            paths.record(id, step.chains.clone(), Source::Sun { vertex }, step.weight / PI, sun_term);
+        } else {
+            let law = match (self.with.corrected, self.with.conserving_glint) {
+                (_, true) => GlintLaw::Conserving,
+                (true, false) => GlintLaw::Lobe,
+                (false, false) => GlintLaw::Printed,
+            };
+            let escaped = met.is_none() && direction.cos_zenith() > 0.0;
+            let source = Source::Glint { vertex, mirror: direction, escaped, solid_angle, law };
+            paths.record(id, step.chains.clone(), source, step.weight, sun_term);
+        }
+        match met {
+            Some(hit) if self.goes_on(step.depth) => {
+                self.background(scenery, id, step, hit, direction, step.weight, stream, paths);
+            }
+            None if direction.cos_zenith() > 0.0 => {
+                paths.record(id, step.chains.clone(), Source::Sky(direction), step.weight, sky_term);
+            }
+            _ => {}
+        }
+    }
+}
+
+fn copy(step: &Step) -> Step {
+    Step { chains: step.chains.clone(), ..*step }
+}
+
+fn background_term(by_mirror: bool) -> Term {
+    if by_mirror { Term::SpecularBackground } else { Term::DiffuseBackground }
+}
+
+/// Angle between a surface's normal and a direction that leaves it \[rad\].
+fn angle(hit: &Hit, outgoing: WorldDir) -> f64 {
+    hit.normal.dot(outgoing.vec()).clamp(0.0, 1.0).acos()
+}
+
+fn hemisphere_direction(hit: &Hit, stream: &mut Stream) -> WorldDir {
+    Frame::about(hit.normal).to_world(LocalDir::from_unit(cosine_hemisphere(stream.next2())))
+}
+
+/// A cosine-weighted direction of the facet's hemisphere, given that it points below the horizon; `None` where the facet
+/// is level.
+///
+/// Cosine-weighted directions are uniform in Nusselt's disk about the normal. The horizon is there the half-ellipse
+/// y = cos β √(1 − x²), x along the strike and y downhill, so squeezing the disk's chords into what lies beyond it keeps
+/// the points uniform.
+fn below_horizon(hit: &Hit, stream: &mut Stream) -> Option<WorldDir> {
+    let normal = hit.normal;
+    let cos_tilt = normal.z.clamp(-1.0, 1.0);
+    if cos_tilt >= 1.0 {
+        return None;
+    }
+    let [x, chord] = concentric_disk(stream.next2());
+    let rim = (1.0 - x * x).max(0.0).sqrt();
+    let y = 0.5 * ((1.0 + cos_tilt) * rim + (1.0 - cos_tilt) * chord);
+    let z = (rim * rim - y * y).max(0.0).sqrt();
+    let down = (normal.z * normal - DVec3::Z).try_normalize().unwrap_or(DVec3::X);
+    let strike = down.cross(normal);
+    Some(WorldDir::new(x * strike + y * down + z * normal))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::FRAC_PI_2;
+    use sunglint_geometry::{FacetId, MaterialId};
+
+    /// Directions below the horizon of a facet tilted by β carry the mean cosine to the normal of that lune:
+    /// ∫ cos² dω / ∫ cos dω, here by brute-force rejection from the whole hemisphere, within 4 standard errors.
+    #[test]
+    fn the_lune_below_the_horizon_is_cosine_weighted() {
+        for beta in [0.3, FRAC_PI_2, 2.5, PI] {
+            let normal = DVec3::new(beta.sin() * 0.6, -beta.sin() * 0.8, beta.cos());
+            let hit = Hit {
+                t: 1.0,
+                point: DVec3::ZERO,
+                error: 0.0,
+                normal,
+                front: true,
+                material: MaterialId(0),
+                instance: 0,
+                facet: FacetId(0),
+            };
+            let n = 20_000;
+            let moments = |draws: &[DVec3]| {
+                let n = draws.len() as f64;
+                let mean = draws.iter().map(|d| d.dot(normal)).sum::<f64>() / n;
+                (mean, (draws.iter().map(|d| (d.dot(normal) - mean).powi(2)).sum::<f64>() / n / n).sqrt())
+            };
+            let direct: Vec<DVec3> =
+                (0..n).map(|i| below_horizon(&hit, &mut Stream::new(1, 0, 0, 0, i)).unwrap().vec()).collect();
+            assert!(direct.iter().all(|d| d.z <= 1e-9 && d.dot(normal) >= -1e-12));
+            let rejected: Vec<DVec3> = (0..4 * n)
+                .map(|i| hemisphere_direction(&hit, &mut Stream::new(2, 0, 0, 0, i)).vec())
+                .filter(|d| d.z < 0.0)
+                .collect();
+            let share = rejected.len() as f64 / f64::from(4 * n);
+            assert!((share - 0.5 * (1.0 - beta.cos())).abs() < 0.01, "share of the lune at β = {beta}");
+            let (a, b) = (moments(&direct), moments(&rejected));
+            assert!((a.0 - b.0).abs() < 4.0 * a.1.hypot(b.1), "β = {beta}: {a:?} {b:?}");
+        }
+    }
+}
