@@ -243,7 +243,8 @@ impl<'a> Index<'a> {
         let (start, end) = self.bounds(span);
         let ((line, column), (end_line, end_column)) = (self.position(span.file, start), self.position(span.file, end));
         json!({
-            "file": self.path(span.file), "line": line, "column": column, "end_line": end_line, "end_column": end_column,
+            "file": self.path(span.file),
+            "line": line, "column": column, "end_line": end_line, "end_column": end_column,
         })
     }
 }
@@ -344,7 +345,8 @@ mod tests {
             json!([
                 { "code": "U02", "severity": "error", "message": "no unit", "file": "a.glint", "line": 2, "column": 2,
                   "end_line": 2, "end_column": 3, "label": "m?", "help": null,
-                  "notes": [{ "file": "a.glint", "line": 1, "column": 1, "end_line": 1, "end_column": 2, "message": "here" }] },
+                  "notes": [{ "file": "a.glint", "line": 1, "column": 1, "end_line": 1, "end_column": 2,
+                              "message": "here" }] },
                 { "code": "F01", "severity": "error", "message": "gone", "file": null, "line": null, "column": null,
                   "end_line": null, "end_column": null, "label": null, "help": null, "notes": [] },
             ])

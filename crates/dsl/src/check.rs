@@ -17,7 +17,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use sunglint_plugin::{Catalog, Role};
 
-use self::block::{Body, Braces, Line, Owner, Rule, inherit, later, rule};
+use self::block::{Body, Braces, Line, Owner, Rule, inherit, rule};
 use self::experiment::{Choice, EXPERIMENT};
 use self::geometry::{GEOMETRY, GROUND_RULE, Scope, materials_of};
 use self::material::MATERIAL_HEAD;
@@ -38,13 +38,14 @@ pub fn check(
     loader: &mut dyn Loader,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<Scene> {
-    let refused_text =
+    let refused_text: Vec<Span> =
         (diagnostics.iter()).filter(|fault| fault.severity == Severity::Error).filter_map(|fault| fault.span).collect();
     let mut checker = Checker {
-        sources,
         catalog,
         loader,
         diagnostics,
+        muted: muted(ast, sources, &refused_text),
+        sources,
         refused_text,
         seen: HashSet::new(),
         n_errors: 0,
@@ -66,6 +67,32 @@ pub fn check(
     sound.then_some(scene)
 }
 
+/// The places that the parser refused, each with the statement that holds it or ends right before it.
+fn muted(ast: &Ast, sources: &Sources, refused: &[Span]) -> Vec<Span> {
+    let mut out = refused.to_vec();
+    if refused.is_empty() {
+        return out;
+    }
+    let mut places: Vec<(FileId, u32)> = refused.iter().map(|span| (span.file, span.start)).collect();
+    places.sort_unstable();
+    let mut blocks = vec![&ast.statements];
+    while let Some(statements) = blocks.pop() {
+        for statement in statements {
+            let span = statement.span;
+            let text = &sources.get(span.file).text;
+            let behind = text.get(span.end as usize..).unwrap_or_default();
+            let blank = behind.len() - behind.trim_start_matches([' ', '\t', ',', ';']).len();
+            let end = span.end + blank as u32;
+            let next = places.partition_point(|place| *place < (span.file, span.start));
+            if places.get(next).is_some_and(|place| *place <= (span.file, end)) {
+                out.push(span);
+            }
+            blocks.extend(statement.block.iter().map(|block| &block.statements));
+        }
+    }
+    out
+}
+
 /// What one run reports; more is noise.
 const MOST_ERRORS: usize = 500;
 const MOST_WARNINGS: usize = 100;
@@ -77,6 +104,8 @@ struct Checker<'a> {
     diagnostics: &'a mut Vec<Diagnostic>,
     /// Where the parser found errors: what seems missing may be there.
     refused_text: Vec<Span>,
+    /// Those places, and the statements that hold them: no more is said of these.
+    muted: Vec<Span>,
     seen: HashSet<(&'static str, Option<Span>, String)>,
     n_errors: usize,
     n_warnings: usize,
@@ -157,7 +186,7 @@ impl<'a> Checker<'a> {
     /// Takes a diagnostic, each once, and none about what the parser has refused already.
     fn report(&mut self, fault: Diagnostic) {
         let overlap = |a: Span, b: Span| a.file == b.file && a.start < b.end && b.start < a.end;
-        if fault.span.is_some_and(|span| self.refused_text.iter().any(|refused| overlap(span, *refused))) {
+        if fault.span.is_some_and(|span| self.muted.iter().any(|muted| overlap(span, *muted))) {
             return;
         }
         let (count, most) = match fault.severity {
@@ -447,8 +476,9 @@ impl<'a> Checker<'a> {
             && nearest(name, self.names.of(kind)).is_none()
             && !self.excused(name)
         {
-            let fault = later(Severity::Error, item.span, name);
-            self.report(fault.help("the scene has no material of this name; the materials database comes later"));
+            let message =
+                format!("the scene has no material `{name}`, and the database of materials comes with a later version");
+            self.report(Diagnostic::error("L01", item.span, message).label("not in this version"));
             return None;
         }
         let index = self.reference(like, item, kind);

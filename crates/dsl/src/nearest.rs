@@ -57,7 +57,7 @@ pub fn nearest<'n>(wanted: &str, known: impl IntoIterator<Item = &'n str>) -> Op
         }
     }
     let prefixed = if prefixed.1 == 1 { prefixed.0 } else { None };
-    best.map(|(_, name)| name).or(said).or(prefixed)
+    said.or(best.map(|(_, name)| name)).or(prefixed)
 }
 
 /// Names in a row for a message, cut where they are many.
@@ -75,13 +75,14 @@ mod tests {
 
     #[test]
     fn slips_of_the_pen_find_their_word() {
-        let known = ["field_of_view", "pixels", "position", "look_at", "visibility", "grey_05", "grey_10"];
+        let known = ["ifov", "field_of_view", "pixels", "position", "look_at", "visibility", "grey_05", "grey_10"];
         for (wanted, found) in [
             ("pixel", Some("pixels")),
             ("Pixels", Some("pixels")),
             ("look-at", Some("look_at")),
             ("lokat", Some("look_at")),
             ("fov", Some("field_of_view")),
+            ("hight", None),
             ("vis", Some("visibility")),
             ("grey_5", Some("grey_05")),
             ("banana", None),

@@ -87,7 +87,9 @@ impl Reader<'_> {
             return self.diagnostics.push(at("F01", place, format!("a scene has at most {MAX_FILES} files")));
         }
         self.seen.insert(name.clone());
-        let Some(id) = self.text(&loaded.path, &loaded.bytes, place, MAX_BYTES) else { return };
+        let crate::Loaded { path, bytes } = loaded;
+        let Some(id) = self.text(&path, &bytes, place, MAX_BYTES) else { return };
+        drop(bytes);
         let found = scanner::statements(&self.sources.get(id).text, Faults::new(id, self.diagnostics));
         self.open.push((name, place));
         self.version(&found, id, place);
@@ -95,7 +97,7 @@ impl Reader<'_> {
             match statement.key.text.as_str() {
                 "glint" => {}
                 "scene" | "snapshot" if place.is_some() => {}
-                "include" => self.include(&statement, &loaded.path, statements),
+                "include" => self.include(&statement, &path, statements),
                 _ => statements.push(statement),
             }
         }
@@ -239,4 +241,53 @@ fn plain_path(path: &str) -> String {
         }
     }
     parts.join("/")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{LoadError, Loaded};
+
+    /// Each file `n` includes the file `n + 1`, without end.
+    struct Endless;
+
+    impl Loader for Endless {
+        fn read(&mut self, path: &str, _: &str) -> Result<Loaded, LoadError> {
+            let next = path.parse::<u32>().unwrap_or(0) + 1;
+            let text = format!("glint 1\ninclude \"{next}\"\na{next}");
+            Ok(Loaded { path: path.to_string(), bytes: text.into_bytes().into() })
+        }
+    }
+
+    #[test]
+    fn includes_without_end_stop() {
+        let (mut sources, mut diagnostics) = (Sources::default(), Vec::new());
+        let ast = parse("0", &mut Endless, &mut sources, &mut diagnostics);
+        assert_eq!((ast.statements.len(), sources.iter().count()), (MAX_DEPTH, MAX_DEPTH));
+        assert_eq!(diagnostics.iter().map(|d| d.code).collect::<Vec<_>>(), ["S01"]);
+    }
+
+    #[test]
+    fn a_file_that_is_too_large_is_not_read() {
+        let (mut sources, mut diagnostics) = (Sources::default(), Vec::new());
+        let mut reader = Reader {
+            loader: &mut Endless,
+            sources: &mut sources,
+            diagnostics: &mut diagnostics,
+            seen: BTreeSet::new(),
+            open: Vec::new(),
+            version: None,
+        };
+        assert!(reader.text("a.glint", b"glint 1", None, 6).is_none());
+        assert!(reader.text("a.glint", b"glint 1", None, 7).is_some());
+        assert_eq!((diagnostics.len(), diagnostics[0].code), (1, "F01"));
+    }
+
+    #[test]
+    fn a_file_is_known_by_its_plain_path() {
+        for (path, plain) in [("./a.glint", "a.glint"), ("x/../a", "a"), ("../x/./b", "../x/b"), ("/x//y/../z", "/x/z")]
+        {
+            assert_eq!(plain_path(path), plain);
+        }
+    }
 }

@@ -1,6 +1,6 @@
-//! CSV tables: spectra, and rows of numbers for models. The first line that is no comment names the columns; a name ends
-//! in its unit (`wavelength_nm`, `view_zenith_deg`), with `/` and `-` as written or as `_`, `%` also as `percent`. Lines
-//! that begin with `#` are comments. Vacuum and air wavelengths are not converted into each other.
+//! CSV tables: spectra, and rows of numbers for models. The first line that is no comment names the columns; a name
+//! ends in its unit (`wavelength_nm`, `view_zenith_deg`), with `/` and `-` as written or as `_`, `%` also as `percent`.
+//! Lines that begin with `#` are comments. Vacuum and air wavelengths are not converted into each other.
 
 use std::collections::HashMap;
 
@@ -262,6 +262,7 @@ impl<'a> Sheet<'a> {
         for (i, character) in rest.chars().enumerate() {
             place = i as u64 + 1;
             match character {
+                '\n' if !quoted => break,
                 '"' => quoted = !quoted,
                 _ if left == 0 && character.is_whitespace() => continue,
                 ',' if !quoted && left > 0 => {
@@ -366,12 +367,8 @@ impl<'a> Sheet<'a> {
 
     fn missing(&self, name: &str) -> TableError {
         let error = TableError::new("F02", format!("there is no column `{name}`"));
-        let nearest = (self.header.iter())
-            .map(|there| (strsim::damerau_levenshtein(there, name), there))
-            .filter(|(distance, there)| 3 * distance <= there.len().max(name.len()))
-            .min();
-        match nearest {
-            Some((_, nearest)) => error.help(format!("is it `{nearest}`? {}", self.there_are())),
+        match crate::nearest(name, self.header.iter().map(String::as_str)) {
+            Some(nearest) => error.help(format!("is it `{nearest}`? {}", self.there_are())),
             None => error.help(self.there_are()),
         }
     }
@@ -468,7 +465,7 @@ mod tests {
         assert_eq!(fault("", None), ("F01", None, None));
         assert_eq!(fault("wavelength_nm,r\n", None), ("F01", None, None));
         assert_eq!(fault("# c\nwavelength_nm,r\n400,0.1\n# d\n500, O.2\n", None), ("F01", Some(5), Some(6)));
-        assert_eq!(fault("wavelength_nm,r\n400,\n", None), ("F01", Some(2), Some(4)));
+        assert_eq!(fault("wavelength_nm,r\n400,\n500,1\n", None), ("F01", Some(2), Some(5)));
         assert_eq!(fault("wavelength_nm,r\n400,nan\n", None), ("F01", Some(2), Some(5)));
         assert_eq!(fault("wavelength_nm,r\n400,1,2\n", None), ("F01", Some(2), None));
         assert_eq!(fault("wavelength_nm r\n400 1\n", None), ("F01", Some(1), None));

@@ -217,7 +217,7 @@ place car as pickup at (1 2) m heading 65 deg pitch 1 deg roll 2 deg scale 2
 place tree grid 3 x 4 spacing (1 2) m at (0 0) m
 place tree from "trees.csv"
 place tree at [(0 0), (1 2)] m
-scatter tree count 12 within box size (1 1 1) m at (0 0 0) m spacing 2 m scale 0.8..1.2 heading 0..360 deg orientation spherical seed 3
+scatter tree count 12 within box size (1 1 1) m at (0 0 0) m spacing 2 m scale 0.8..1.2 orientation spherical seed 3
 terrain "hill.asc" { origin (0 0) m, spacing 30 m, material grass, map 3 to rock }
 ground grass height 0 m
 periodic (10 0) (0 10) m
@@ -276,6 +276,7 @@ fn a_word_behind_a_bare_number_is_its_unit_where_nothing_else_fits() {
             "place car at (1 2) m heading 65 deg scale 2 seed 1",
             "place car at points[1.0, 2.0]<m> heading 65<deg> scale 2 seed 1",
         ),
+        ("scatter t scale 0.8..1.2 heading 0..360 deg", "scatter t scale 0.8..1.2 heading 0..360<deg>"),
         ("scatter t scale 2 orientation spherical", "scatter t scale 2 orientation spherical"),
         ("scatter t count 12 within box size (1 1 1) m", "scatter t count 12 within box size points[1.0, 1.0, 1.0]<m>"),
         ("cylinder b sides 8 at (1 1) m", "cylinder b sides 8 at points[1.0, 1.0]<m>"),
@@ -439,7 +440,8 @@ fn reading_goes_on_behind_a_bad_line() {
 
 #[test]
 fn a_forgotten_brace_costs_one_message_at_its_place() {
-    let text = "sensor roof {\n  pixels 3 x 4\n  ccd {\n    bits 8\n\nexperiment e { seed 1 }\nmaterial m {\n  ideal {\n    diffuse 0.1\n}\nground m\n";
+    let text = "sensor roof {\n  pixels 3 x 4\n  ccd {\n    bits 8\n\nexperiment e { seed 1 }\n\
+                material m {\n  ideal {\n    diffuse 0.1\n}\nground m\n";
     let (tree, found) = tree(text);
     assert_eq!(found.len(), 3, "{found:#?}");
     assert!(found.iter().all(|line| line.starts_with("S01")));
@@ -529,9 +531,8 @@ fn a_cycle_of_includes_shows_its_path() {
     ]);
     assert_eq!(
         found(&diagnostics, &sources),
-        [
-            "N04 2:9 \"a.glint\" | a file includes itself: `a.glint` → `b.glint` → `c.glint` → `a.glint` | this closes the circle"
-        ]
+        ["N04 2:9 \"a.glint\" | a file includes itself: `a.glint` → `b.glint` → `c.glint` → `a.glint` | \
+          this closes the circle"]
     );
     assert_eq!(diagnostics[0].notes.len(), 2);
 }

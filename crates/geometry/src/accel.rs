@@ -26,7 +26,7 @@ const FIRST_BITS: u32 = 27;
 pub(crate) const MOST_ENTRIES: usize = 1 << FIRST_BITS;
 
 /// Box margin in units of m, and the triangle filter's δ.
-const BOX_MARGIN: f32 = 3.0 * f32::EPSILON;
+pub(crate) const BOX_MARGIN: f32 = 3.0 * f32::EPSILON;
 const DELTA: f32 = 8.0 * f32::EPSILON;
 /// Covers the roundings of a distance in `f32`.
 pub(crate) const T_UP: f32 = 1.0 + 4.0 * f32::EPSILON;
@@ -417,6 +417,18 @@ pub(crate) struct Packet {
     /// `corners[c][axis]` of the four.
     corners: [[Vec4; 3]; 3],
     pub triangle: [u32; 4],
+}
+
+impl Packet {
+    /// Corner `c` of the four.
+    pub const fn corner(&self, c: usize) -> &[Vec4; 3] {
+        &self.corners[c]
+    }
+    /// Low and high coordinates, without margin.
+    pub fn bounds(&self) -> ([Vec4; 3], [Vec4; 3]) {
+        let [a, b, c] = &self.corners;
+        ([0, 1, 2].map(|x| a[x].min(b[x]).min(c[x])), [0, 1, 2].map(|x| a[x].max(b[x]).max(c[x])))
+    }
 }
 
 /// The triangles of a mesh for tracing.

@@ -1,6 +1,6 @@
 //! Proofs that rays are free, so that they need not be cast. Every answer true is proven, false may mean not proven.
 
-use crate::accel::{Block, Boxes, T_UP, TriangleTree};
+use crate::accel::{BOX_MARGIN, Block, Boxes, Packet, T_UP, TriangleTree};
 use crate::world::{Placed, World};
 use crate::{FacetId, Mesh};
 use glam::{DVec3, Vec4};
@@ -95,7 +95,7 @@ impl World {
 
     /// Whether no facet and no ground blocks any ray that starts in the box `lo`–`hi` on the plane through `anchor` with
     /// unit `normal` and runs towards `direction`, or within `spread` rad of it. What lies on or behind that plane, to
-    /// rounding, blocks nothing. False where the proof would take long.
+    /// rounding, blocks nothing. False where the proof would take long, and for a spread above 0.8.
     pub fn shaft_is_clear(
         &self,
         lo: DVec3,
@@ -106,7 +106,7 @@ impl World {
         spread: f64,
     ) -> bool {
         let boxed = lo.cmple(hi).all() && lo.is_finite() && hi.is_finite();
-        if !boxed || !(0.0..1.5).contains(&spread) {
+        if !boxed || !(0.0..0.8).contains(&spread) {
             return false;
         }
         let d = direction.vec();
@@ -117,15 +117,7 @@ impl World {
                 return false;
             }
         }
-        let shaft = Shaft {
-            centre: 0.5 * lo + 0.5 * hi,
-            half: 0.5 * (hi - lo) + 2.0 * f64::EPSILON * lo.abs().max(hi.abs()),
-            d,
-            tan: spread.tan(),
-            // of no use for rays that may dip below the plane
-            plane: (normal.dot(d) >= spread.sin()).then_some((anchor, normal)),
-            sin: spread.sin(),
-        };
+        let shaft = Shaft::new(lo, hi, anchor, normal, d, spread);
         let mut budget = SHAFT_BUDGET;
         !self.any_instance(
             |block| {
@@ -143,8 +135,12 @@ impl World {
                 let blocked = tree.descend(
                     |bounds| spend(&spent).then(|| boxes.met(bounds)),
                     |first, count| {
-                        packets[first..first + count].iter().flat_map(|p| p.triangle).any(|t| {
-                            t != u32::MAX && (!spend(&spent) || shaft.meets(&corners(mesh, placed, t), tolerance))
+                        packets[first..first + count].iter().any(|packet| {
+                            let near = boxes.near(packet);
+                            (0..4).filter(|lane| near >> lane & 1 == 1).any(|lane| {
+                                let corners = corners(mesh, placed, packet.triangle[lane]);
+                                !spend(&spent) || shaft.meets(&corners, tolerance)
+                            })
                         })
                     },
                 );
@@ -203,6 +199,8 @@ fn corners(mesh: &Mesh, placed: &Placed, triangle: u32) -> [DVec3; 3] {
 struct Plane {
     n: [Vec4; 3],
     limit: Vec4,
+    /// What the boxes have in addition, along the normal.
+    margin: Vec4,
 }
 
 impl Plane {
@@ -211,7 +209,12 @@ impl Plane {
         let below = about
             - 4.0 * f64::from(f32::EPSILON) * about.abs()
             - f64::EPSILON * (limit.abs() + n.dot(block.centre).abs()) * 4.0;
-        Self { n: n.as_vec3().to_array().map(Vec4::splat), limit: Vec4::splat(below as f32) }
+        let margin = BOX_MARGIN * block.half * n.abs().element_sum() as f32;
+        Self {
+            n: n.as_vec3().to_array().map(Vec4::splat),
+            limit: Vec4::splat(below as f32),
+            margin: Vec4::splat(margin),
+        }
     }
     fn rising(&self, b: &Boxes) -> u32 {
         let half = |h: usize| {
@@ -220,19 +223,90 @@ impl Plane {
         };
         half(0) | half(1) << 4
     }
+    fn rising_corners(&self, packet: &Packet) -> u32 {
+        let height = |c: usize| {
+            let corner = packet.corner(c);
+            self.n[0] * corner[0] + self.n[1] * corner[1] + self.n[2] * corner[2]
+        };
+        height(0).max(height(1)).max(height(2)).cmpgt(self.limit - self.margin).bitmask()
+    }
 }
 
-/// All rays from a box about `centre` towards `d`, and up to an angle from it.
+/// All rays from where a box meets a plane towards `d`, and up to an angle from it.
 struct Shaft {
     centre: DVec3,
     half: DVec3,
+    /// Corners of the section of box and plane about the centre, some twice where the plane meets corners of the box, and
+    /// how many.
+    section: [DVec3; 12],
+    count: usize,
+    /// Lowest of the section along the direction; its extent along the axes that are normal to it and to an edge.
+    lowest: f64,
+    sides: [(DVec3, f64, f64); 3],
     d: DVec3,
     tan: f64,
     sin: f64,
+    /// Anchor and normal, unless rays may dip below the plane.
     plane: Option<(DVec3, DVec3)>,
 }
 
 impl Shaft {
+    fn new(lo: DVec3, hi: DVec3, anchor: DVec3, normal: DVec3, d: DVec3, spread: f64) -> Self {
+        let centre = 0.5 * lo + 0.5 * hi;
+        let half = 0.5 * (hi - lo) + 2.0 * f64::EPSILON * lo.abs().max(hi.abs());
+        // A plane cuts up to six of a box's twelve edges. Its offset is kept within the box's reach, whatever is given.
+        let reach = half.dot(normal.abs());
+        let offset = normal.dot(anchor - centre).clamp(-reach, reach);
+        let (mut section, mut count) = ([DVec3::ZERO; 12], 0);
+        for axis in 0..3 {
+            let (x, y) = ((axis + 1) % 3, (axis + 2) % 3);
+            for (sx, sy) in [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)] {
+                let mut corner = DVec3::ZERO;
+                (corner[x], corner[y]) = (sx * half[x], sy * half[y]);
+                let at = (offset - normal.dot(corner)) / normal[axis];
+                if at.abs() <= half[axis] * (1.0 + 1e-9) {
+                    corner[axis] = at;
+                    section[count] = corner;
+                    count += 1;
+                }
+            }
+        }
+        if count == 0 {
+            // rounding can miss a plane that only touches the box
+            count = 8;
+            for (i, corner) in section[..8].iter_mut().enumerate() {
+                *corner = half * DVec3::from_array([0, 1, 2].map(|a| if i >> a & 1 == 1 { 1.0 } else { -1.0 }));
+            }
+        }
+        let mut shaft = Self {
+            centre,
+            half,
+            section,
+            count,
+            lowest: 0.0,
+            sides: [(DVec3::ZERO, 0.0, 0.0); 3],
+            d,
+            tan: spread.tan(),
+            sin: spread.sin(),
+            plane: (normal.dot(d) >= spread.sin()).then_some((anchor, normal)),
+        };
+        shaft.lowest = shaft.extent(d).0;
+        shaft.sides = [DVec3::X, DVec3::Y, DVec3::Z].map(|e| {
+            let axis = d.cross(normal.cross(e));
+            let (lo, hi) = shaft.extent(axis);
+            (axis, lo, hi)
+        });
+        shaft
+    }
+
+    /// Lowest and highest of the section along an axis.
+    fn extent(&self, axis: DVec3) -> (f64, f64) {
+        self.section[..self.count]
+            .iter()
+            .map(|p| p.dot(axis))
+            .fold((f64::INFINITY, f64::NEG_INFINITY), |(l, h), x| (l.min(x), h.max(x)))
+    }
+
     /// Whether a triangle may be met: not, if a plane separates it from the shaft [Gottschalk 1996]. The planes tried hold
     /// the direction and an edge of either, or are the triangle's own.
     fn meets(&self, corners: &[DVec3; 3], tolerance: f64) -> bool {
@@ -241,29 +315,38 @@ impl Shaft {
         {
             return false;
         }
+        // the start points lie on the plane to the rounding of hits, too
+        let tolerance = 8.0 * tolerance;
         let about = corners.map(|v| v - self.centre);
         // A ray that has come as far as a along the axis is up to a tan σ off it: like a ball about the start.
-        let farthest =
-            about.iter().map(|v| v.dot(self.d)).fold(f64::NEG_INFINITY, f64::max) + self.half.dot(self.d.abs());
+        let farthest = about.iter().map(|v| v.dot(self.d)).fold(f64::NEG_INFINITY, f64::max) - self.lowest;
         if farthest < -tolerance {
             return false;
         }
         let ball = farthest.max(0.0) * self.tan + tolerance;
-        let edges = [about[1] - about[0], about[2] - about[1], about[0] - about[2]];
-        let apart = |axis: DVec3| {
-            let size = self.half.dot(axis.abs()) + ball * axis.length();
+        let apart = |(axis, lo, hi): (DVec3, f64, f64)| {
+            let margin = ball * axis.length();
             let at = about.map(|v| v.dot(axis));
-            at.iter().all(|&x| x > size) || at.iter().all(|&x| x < -size)
+            at.iter().all(|&x| x > hi + margin) || at.iter().all(|&x| x < lo - margin)
         };
-        if [DVec3::X, DVec3::Y, DVec3::Z].into_iter().chain(edges).any(|e| apart(self.d.cross(e))) {
+        if self.sides.into_iter().any(apart) {
             return false;
         }
+        let edges = [about[1] - about[0], about[2] - about[1], about[0] - about[2]];
         let normal = edges[0].cross(edges[1]);
         let (length, towards) = (normal.length(), normal.dot(self.d));
         // Rays that move away from the triangle's plane do not come back.
         let away = towards.abs() >= self.sin * length && towards != 0.0;
-        let start = about[0].dot(normal) * towards.signum();
-        !(away && start < -(self.half.dot(normal.abs()) + tolerance * length))
+        if away
+            && self.extent(normal * towards.signum()).0 - about[0].dot(normal) * towards.signum() > tolerance * length
+        {
+            return false;
+        }
+        !edges.into_iter().any(|edge| {
+            let axis = self.d.cross(edge);
+            let (lo, hi) = self.extent(axis);
+            apart((axis, lo, hi))
+        })
     }
 
     /// The shaft for boxes of the top tree, or of an instance's tree; `None` if it misses the whole block.
@@ -289,7 +372,8 @@ impl Shaft {
         let around = Block { lo: block.lo - grown, hi: block.hi + grown, ..*block };
         let (enter, _) = around.clip(o, d, f64::INFINITY)?;
         let at = o + d * enter - block.centre;
-        let slack = 4.0 * f64::from(f32::EPSILON) * (f64::from(block.half) + grown.max_element());
+        // u = 2⁻²⁴ and m with the growth: corners 1 um, start 1 um, direction 4 um, half-size 1 um, ball 8 um
+        let slack = 12.0 * f64::from(f32::EPSILON) * (f64::from(block.half) + grown.max_element());
         let splat = |v: DVec3| v.as_vec3().to_array().map(Vec4::splat);
         let inv = d.normalize().as_vec3().to_array().map(|d| if d.abs() < 1e-18 { 1e18_f32 } else { 1.0 / d });
         let plane = self.plane.map(|(anchor, normal)| match placed {
@@ -299,31 +383,56 @@ impl Shaft {
             }
             None => Plane::new(normal, normal.dot(anchor), block),
         });
-        Some(ShaftBoxes { o: splat(at), inv: inv.map(Vec4::splat), half: splat(grown + DVec3::splat(slack)), plane })
+        Some(ShaftBoxes {
+            o: splat(at),
+            inv: inv.map(Vec4::splat),
+            half: splat(half + DVec3::splat(slack)),
+            along: splat(along),
+            passed: Vec4::splat((enter - along.dot(at) + half.dot(along.abs())) as f32),
+            ball: splat(ball * self.tan),
+            plane,
+        })
     }
 }
 
-/// A shaft among boxes: a ray against boxes grown by its start box and by the widest it gets in the block.
+/// A shaft among boxes: a ray against boxes grown by its start box and by the widest it gets up to them.
 struct ShaftBoxes {
     o: [Vec4; 3],
     inv: [Vec4; 3],
     half: [Vec4; 3],
+    /// Gradient of the distance along the axis, and that distance at the block's centre from the rearmost start.
+    along: [Vec4; 3],
+    passed: Vec4,
+    /// Half-size of the ball by that distance.
+    ball: [Vec4; 3],
     plane: Option<Plane>,
 }
 
 impl ShaftBoxes {
     fn met(&self, b: &Boxes) -> u32 {
-        let half = |h: usize| {
-            let (mut near, mut far) = (Vec4::ZERO, Vec4::INFINITY);
-            for a in 0..3 {
-                let t0 = (b[a][h] - self.half[a] - self.o[a]) * self.inv[a];
-                let t1 = (b[a + 3][h] + self.half[a] - self.o[a]) * self.inv[a];
-                near = near.max(t0.min(t1));
-                far = far.min(t0.max(t1));
-            }
-            near.cmple(far * T_UP).bitmask()
-        };
+        let half = |h: usize| self.met_by([b[0][h], b[1][h], b[2][h]], [b[3][h], b[4][h], b[5][h]]);
         let met = half(0) | half(1) << 4;
         self.plane.as_ref().map_or(met, |p| met & p.rising(b))
+    }
+
+    /// A bit for each triangle of a packet whose box is met and that rises above the plane.
+    fn near(&self, packet: &Packet) -> u32 {
+        let (lo, hi) = packet.bounds();
+        let met = self.met_by(lo, hi);
+        self.plane.as_ref().map_or(met, |p| met & p.rising_corners(packet))
+    }
+
+    fn met_by(&self, lo: [Vec4; 3], hi: [Vec4; 3]) -> u32 {
+        let reach = |a: usize| (self.along[a] * lo[a]).max(self.along[a] * hi[a]);
+        let farthest = (self.passed + reach(0) + reach(1) + reach(2)).max(Vec4::ZERO);
+        let (mut near, mut far) = (Vec4::ZERO, Vec4::INFINITY);
+        for a in 0..3 {
+            let half = self.half[a] + self.ball[a] * farthest;
+            let t0 = (lo[a] - half - self.o[a]) * self.inv[a];
+            let t1 = (hi[a] + half - self.o[a]) * self.inv[a];
+            near = near.max(t0.min(t1));
+            far = far.min(t0.max(t1));
+        }
+        near.cmple(far * T_UP).bitmask()
     }
 }

@@ -172,17 +172,27 @@ impl Triangulation {
             at_edge.extend((0..3).map(|i| ((tri[i], tri[(i + 1) % 3]), t)));
         }
         let n = ring.len();
-        for i in (0..n).filter(|&i| !used[i]) {
-            // Going round, every corner before i that was left out has been put back.
-            let before = (1..n).map(|k| (i + n - k) % n).find(|&j| used[j] || (j < i));
-            let after = (1..n).map(|k| (i + k) % n).find(|&j| used[j]);
-            let (Some(a), Some(b)) = (before, after) else { continue };
+        let (Some(mut a), Some(mut b)) = (used.iter().rposition(|&u| u), used.iter().position(|&u| u)) else { return };
+        let mut next_used = vec![b; n];
+        for i in (0..n).rev() {
+            next_used[i] = b;
+            if used[i] {
+                b = i;
+            }
+        }
+        for i in 0..n {
+            if used[i] {
+                a = i;
+                continue;
+            }
+            let b = next_used[i];
             let Some(&t) = at_edge.get(&(a, b)) else { continue };
             let Some(&c) = self.out[t].iter().find(|&&v| v != a && v != b) else { continue };
             let u = self.out.len();
             self.out[t] = [a, i, c];
             self.out.push([i, b, c]);
             at_edge.extend([((a, i), t), ((i, c), t), ((c, a), t), ((i, b), u), ((b, c), u), ((c, i), u)]);
+            a = i;
         }
     }
 }

@@ -136,13 +136,13 @@ impl World {
             let missing = || WorldError::NoSuchMesh { what: i.name.clone(), mesh: i.mesh, meshes: meshes.len() };
             *uses.get_mut(i.mesh).ok_or_else(missing)? += 1;
         }
-        for (mesh, bounds) in meshes.iter().map(|m| (m, m.bounds())).enumerate().map(|(i, m)| (i, m.1)) {
-            let of = || instances.iter().find(|i| i.mesh == mesh).map_or(format!("mesh {mesh}"), |i| i.name.clone());
-            count("triangles in a mesh", meshes[mesh].triangle_count() as u64, MOST_ENTRIES as u64)?;
-            if let Some((lo, hi)) = bounds {
-                if meshes[mesh].vertices.iter().any(|v| !v.is_finite()) {
-                    return Err(WorldError::NotFinite { what: of() });
-                }
+        for (index, mesh) in meshes.iter().enumerate() {
+            let of = || instances.iter().find(|i| i.mesh == index).map_or(format!("mesh {index}"), |i| i.name.clone());
+            count("triangles in a mesh", mesh.triangle_count() as u64, MOST_ENTRIES as u64)?;
+            if mesh.vertices.iter().any(|v| !v.is_finite()) {
+                return Err(WorldError::NotFinite { what: of() });
+            }
+            if let Some((lo, hi)) = mesh.bounds() {
                 within(lo.abs().max(hi.abs()).max_element(), 1e3 * LARGEST_COORDINATE, of)?;
             }
         }
@@ -400,12 +400,6 @@ struct Found {
 impl Found {
     const fn rank(&self) -> (bool, u32, u32) {
         (!self.front, self.instance, self.triangle)
-    }
-}
-
-impl PartialEq for Found {
-    fn eq(&self, other: &Self) -> bool {
-        self.rank() == other.rank()
     }
 }
 

@@ -1,14 +1,14 @@
 //! Lights the paths of a block for one time.
 
-use std::collections::HashMap;
 use std::f64::consts::PI;
 use std::ops::Range;
 
 use glam::DVec3;
+use rustc_hash::FxHashMap;
 use sunglint_atmosphere::Path;
 use sunglint_radiometry::{Channels, Frame, LocalDir, REPLICATES, WorldDir};
 
-use crate::paths::{ChainId, GlintLaw, Paths, RayCounts, Source, Vertex};
+use crate::paths::{ChainId, FacetGroup, GlintLaw, Paths, RayCounts, Record, Source, Vertex};
 use crate::sightline::Shares;
 use crate::{Illumination, Lighting, Scenery};
 
@@ -70,7 +70,13 @@ pub(crate) struct SunLight {
 }
 
 /// Casts the sun rays of a block, save those that are proved unnecessary.
-pub(crate) fn sun_light(scenery: &Scenery, paths: &Paths, time: &Illumination, disk: bool) -> (SunLight, RayCounts) {
+pub(crate) fn sun_light(
+    scenery: &Scenery,
+    paths: &Paths,
+    groups: &[FacetGroup],
+    time: &Illumination,
+    disk: bool,
+) -> (SunLight, RayCounts) {
     let n = paths.vertices.len();
     let (mut visible, mut cos) = (vec![0.0; n], vec![0.0; n]);
     let mut rays = RayCounts::default();
@@ -88,7 +94,7 @@ pub(crate) fn sun_light(scenery: &Scenery, paths: &Paths, time: &Illumination, d
         frame.to_world(LocalDir::from_unit(DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())))
     };
     let mut proved = vec![false; n];
-    for group in paths.facet_groups() {
+    for group in groups {
         let spread = if disk { time.sun_radius } else { 0.0 };
         let lit_side = group.normal.dot(sun.vec()) > spread.sin();
         if lit_side
@@ -150,8 +156,13 @@ fn glint(
     visible: f64,
     cos: f64,
 ) -> f64 {
-    let apart = mirror.angle_to(sun);
     let omega_sun = time.sun_solid_angle();
+    // Far from the lobe nothing is seen, and most mirror directions are far from the sun.
+    let reach = half_angle(solid_angle) + time.sun_radius;
+    if reach < 1.0 && mirror.dot(sun) < 1.0 - 0.5 * reach * reach {
+        return 0.0;
+    }
+    let apart = mirror.angle_to(sun);
     // A lobe no wider than the disk is a mirror: the ray itself finds the disk.
     let is_mirror = solid_angle <= omega_sun * (1.0 + 1e-9);
     let in_disk = apart <= time.sun_radius && escaped;
@@ -181,21 +192,21 @@ fn glint(
 }
 
 /// A spectrum of light that chains multiply.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Light {
+    Own,
     Beam,
     MeanSky,
     SkyTerm(u32),
-    Own,
 }
 
 impl Light {
-    fn code(self) -> u64 {
+    fn index(self) -> usize {
         match self {
             Self::Own => 0,
             Self::Beam => 1,
             Self::MeanSky => 2,
-            Self::SkyTerm(k) => 3 + u64::from(k),
+            Self::SkyTerm(k) => 3 + k as usize,
         }
     }
 }
@@ -204,13 +215,78 @@ impl Light {
 const NO_PATH: u32 = u32::MAX;
 
 /// Weights of one (cluster, term, chain, light) in each replicate.
+#[derive(Clone, Debug)]
 struct Weighted {
-    key: u64,
     chain: ChainId,
     light: Light,
     cluster: u8,
     term: Term,
     replicates: [f64; REPLICATES],
+}
+
+/// Weights of a pixel, found by what they weigh.
+#[derive(Clone, Debug, Default)]
+struct Weights {
+    list: Vec<Weighted>,
+    found: FxHashMap<u64, u32>,
+}
+
+impl Weights {
+    fn clear(&mut self) {
+        self.list.clear();
+        self.found.clear();
+    }
+
+    fn add(&mut self, cluster: u8, replicate: u8, chain: ChainId, light: Light, term: Term, weight: f64) {
+        if weight == 0.0 {
+            return;
+        }
+        let key = (u64::from(chain) << 32) | ((light.index() as u64) << 16) | (u64::from(cluster) << 8) | term as u64;
+        // Most records repeat what the one before them weighed.
+        let fresh = self.list.len() as u32;
+        let slot = *self.found.entry(key).or_insert(fresh);
+        if slot == fresh {
+            self.list.push(Weighted { chain, light, cluster, term, replicates: [0.0; REPLICATES] });
+        }
+        self.list[slot as usize].replicates[replicate as usize] += weight;
+    }
+}
+
+/// What of a pixel's paths does not change with time: records whose weights hold for all times, gathered once, and the
+/// others.
+pub(crate) struct PixelLight {
+    steady: Weights,
+    /// Indices of the records that each time lights anew.
+    changing: Vec<u32>,
+}
+
+impl PixelLight {
+    /// Sorts the records of one pixel. With `by_term` the parts of the radiance are kept apart.
+    pub fn new(paths: &Paths, records: Range<usize>, by_term: bool) -> Self {
+        let mut steady = Weights::default();
+        let mut changing = Vec::new();
+        for (i, record) in records.clone().zip(&paths.records[records]) {
+            if !record.source.is_steady() {
+                changing.push(i as u32);
+                continue;
+            }
+            let light = if record.source == Source::Own { Light::Own } else { Light::MeanSky };
+            let sample = &paths.samples[record.sample as usize];
+            for (chain, share) in chains(paths, record) {
+                let term = term_of(record, by_term);
+                steady.add(sample.cluster, sample.replicate, chain, light, term, record.weight * share);
+            }
+        }
+        Self { steady, changing }
+    }
+}
+
+fn chains<'a>(paths: &'a Paths, record: &Record) -> impl Iterator<Item = (ChainId, f64)> + use<'a> {
+    paths.chain_list[record.chains.start as usize..record.chains.end as usize].iter().copied()
+}
+
+fn term_of(record: &Record, by_term: bool) -> Term {
+    if by_term { record.term } else { Term::DiffuseSun }
 }
 
 /// One pixel's radiance at one time.
@@ -225,40 +301,47 @@ pub(crate) struct PixelRadiance {
     pub upwelled: Vec<f64>,
 }
 
+/// What a block of pixels is lit with, whatever the time.
+pub(crate) struct Block<'a> {
+    pub scenery: &'a Scenery,
+    pub paths: &'a Paths,
+    pub channels: &'a Channels,
+    pub lighting: Lighting,
+    /// Vertices by facet.
+    pub groups: Vec<FacetGroup>,
+    /// Where τ₂ and L_u are solved.
+    pub nodes: &'a [Path],
+}
+
 /// Lights a block for one time; spectra of chains are made once and shared by its pixels.
 pub(crate) struct BlockLight<'a> {
-    scenery: &'a Scenery,
-    paths: &'a Paths,
+    block: &'a Block<'a>,
     time: &'a Illumination,
-    channels: &'a Channels,
-    lighting: Lighting,
     sun: SunLight,
     /// τ₂ of each node of the block's lines of sight, per grid entry.
     tau_2: Vec<Vec<f64>>,
     /// L_u of each node, per channel.
     upwelled: Vec<Vec<f64>>,
-    /// Spectrum of chain × light, by chain and light, made when first met.
-    products: HashMap<(ChainId, u64), Vec<f64>>,
-    /// Channel values of chain × light × τ₂ at a node, made when first met; `NO_PATH` is without τ₂.
-    values: HashMap<(ChainId, u64, u32), Vec<f64>>,
+    /// Number of lights: [`Light::index`] stays below it.
+    n_lights: usize,
+    /// Spectrum of chain × light, made when first met.
+    products: Vec<Option<Vec<f64>>>,
+    /// Channel values of chain × light × τ₂ at a node (the last is without τ₂), made when first met: places in `pool`,
+    /// 0 where not yet made.
+    places: Vec<u32>,
+    pool: Vec<f64>,
     sky_weights: Vec<(u32, f64)>,
-    weighted: Vec<Weighted>,
+    weights: Weights,
 }
 
 impl<'a> BlockLight<'a> {
-    pub fn new(
-        scenery: &'a Scenery,
-        paths: &'a Paths,
-        time: &'a Illumination,
-        channels: &'a Channels,
-        lighting: Lighting,
-        nodes: &[Path],
-    ) -> (Self, RayCounts) {
-        let (sun, rays) = sun_light(scenery, paths, time, lighting.sun_disk);
+    pub fn new(block: &'a Block<'a>, time: &'a Illumination) -> (Self, RayCounts) {
+        let Block { scenery, paths, channels, lighting, groups, nodes } = block;
+        let (sun, rays) = sun_light(scenery, paths, groups, time, lighting.sun_disk);
         let n = time.beam.len();
         let mut l_u = vec![0.0; n];
         let (mut tau_2, mut upwelled) = (Vec::new(), Vec::new());
-        for path in nodes {
+        for path in *nodes {
             let mut transmittance = vec![0.0; n];
             time.sky.path(path, &mut transmittance, &mut l_u);
             let mut folded = vec![0.0; channels.len()];
@@ -266,19 +349,20 @@ impl<'a> BlockLight<'a> {
             tau_2.push(transmittance);
             upwelled.push(folded);
         }
+        let n_lights = 3 + time.sky.sky_terms().len();
+        let n_products = paths.chains.len() * n_lights;
         let light = Self {
-            scenery,
-            paths,
+            block,
             time,
-            channels,
-            lighting,
             sun,
+            places: vec![0; n_products * (tau_2.len() + 1)],
+            pool: vec![0.0; channels.len()],
             tau_2,
             upwelled,
-            products: HashMap::new(),
-            values: HashMap::new(),
+            n_lights,
+            products: vec![None; n_products],
             sky_weights: Vec::new(),
-            weighted: Vec::new(),
+            weights: Weights::default(),
         };
         (light, rays)
     }
@@ -287,74 +371,51 @@ impl<'a> BlockLight<'a> {
     pub fn lit_fraction(&self, samples: Range<usize>) -> f64 {
         let n = samples.len() as f64;
         let lit = |sample: &crate::paths::Sample| sample.vertex.map_or(0.0, |v| self.sun.visible[v as usize]);
-        self.paths.samples[samples].iter().map(lit).sum::<f64>() / n
+        self.block.paths.samples[samples].iter().map(lit).sum::<f64>() / n
     }
 
-    fn add(&mut self, sample: usize, chain: ChainId, light: Light, term: Term, weight: f64, by_term: bool) {
-        if weight == 0.0 {
-            return;
-        }
-        let sample = &self.paths.samples[sample];
-        let term = if by_term { term } else { Term::DiffuseSun };
-        let key = (u64::from(chain) << 32) | (light.code() << 16) | (u64::from(sample.cluster) << 8) | term as u64;
-        let slot = match self.weighted.iter().rposition(|w| w.key == key) {
-            Some(slot) => slot,
-            None => {
-                let cluster = sample.cluster;
-                self.weighted.push(Weighted { key, chain, light, cluster, term, replicates: [0.0; REPLICATES] });
-                self.weighted.len() - 1
-            }
-        };
-        self.weighted[slot].replicates[sample.replicate as usize] += weight;
-    }
-
-    /// Gathers the records of one pixel into weights of (chain, light).
-    fn gather(&mut self, records: Range<usize>, by_term: bool) {
-        self.weighted.clear();
-        let (paths, time) = (self.paths, self.time);
-        for record in &paths.records[records] {
-            let sample = record.sample as usize;
-            let mut lights = std::mem::take(&mut self.sky_weights);
-            let light = match record.source {
-                Source::Own => Some((Light::Own, 1.0)),
-                Source::MeanSky => Some((Light::MeanSky, 1.0)),
+    /// Gathers the records of one pixel that change with time into weights of (chain, light).
+    fn gather(&mut self, records: &[u32], by_term: bool) {
+        self.weights.clear();
+        let (paths, time) = (self.block.paths, self.time);
+        for record in records.iter().map(|i| &paths.records[*i as usize]) {
+            let sample = &paths.samples[record.sample as usize];
+            self.sky_weights.clear();
+            let (light, value) = match record.source {
+                Source::Own => (Light::Own, 1.0),
+                Source::MeanSky => (Light::MeanSky, 1.0),
                 Source::Sun { vertex } => {
                     let i = vertex as usize;
-                    Some((Light::Beam, self.sun.visible[i] * self.sun.cos[i]))
+                    (Light::Beam, self.sun.visible[i] * self.sun.cos[i])
                 }
-                Source::Glint { vertex, mirror, escaped, solid_angle, law } => time.sun.map(|sun| {
+                Source::Glint { vertex, mirror, escaped, solid_angle, law } => {
+                    let Some(sun) = time.sun else { continue };
                     let i = vertex as usize;
                     let (visible, cos) = (self.sun.visible[i], self.sun.cos[i]);
                     (Light::Beam, glint(time, sun, mirror, escaped, solid_angle, law, visible, cos))
-                }),
-                Source::Disk(direction) => time.sun.map(|sun| {
-                    let seen = direction.angle_to(sun) <= time.sun_radius;
+                }
+                Source::Disk(direction) => {
+                    let seen = time.sun.is_some_and(|sun| direction.angle_to(sun) <= time.sun_radius);
                     (Light::Beam, if seen { 1.0 / time.sun_solid_angle() } else { 0.0 })
-                }),
+                }
                 Source::Sky(direction) => {
-                    time.sky.sky_weights(direction, &mut lights);
-                    None
+                    time.sky.sky_weights(direction, &mut self.sky_weights);
+                    (Light::Beam, 0.0)
                 }
                 Source::OpenSky(normal) => {
-                    lights.clear();
-                    time.open_sky(normal, |k, w| lights.push((k, w)));
-                    None
+                    time.open_sky(normal, |k, w| self.sky_weights.push((k, w)));
+                    (Light::Beam, 0.0)
                 }
             };
-            let directional = matches!(record.source, Source::Sky(_) | Source::OpenSky(_));
-            for c in record.chains.clone() {
-                let (chain, share) = paths.chain_list[c as usize];
+            let term = term_of(record, by_term);
+            for (chain, share) in chains(paths, record) {
                 let weight = share * record.weight;
-                if let Some((light, value)) = light {
-                    self.add(sample, chain, light, record.term, weight * value, by_term);
-                }
-                if directional {
-                    for (k, shape) in &lights {
-                        self.add(sample, chain, Light::SkyTerm(*k), record.term, weight * shape, by_term);
-                    }
+                self.weights.add(sample.cluster, sample.replicate, chain, light, term, weight * value);
+                for (k, shape) in &self.sky_weights {
+                    let light = Light::SkyTerm(*k);
+                    self.weights.add(sample.cluster, sample.replicate, chain, light, term, weight * shape);
                 }
             }
-            self.sky_weights = lights;
         }
     }
 
@@ -370,44 +431,49 @@ impl<'a> BlockLight<'a> {
     /// Channel values of chain × light × τ₂ at a node (without τ₂ at `NO_PATH`): products per grid entry, averaged once,
     /// last; or by band means where the scene asks so.
     fn channel_values(&mut self, chain: ChainId, light: Light, node: u32) -> &[f64] {
-        let key = (chain, light.code(), node);
-        if !self.values.contains_key(&key) {
-            let values = if self.lighting.band_means {
+        let n = self.block.channels.len();
+        let node = (node as usize).min(self.tau_2.len());
+        let product = chain as usize * self.n_lights + light.index();
+        let place = product * (self.tau_2.len() + 1) + node;
+        if self.places[place] == 0 {
+            let values = if self.block.lighting.band_means {
                 self.values_of_means(chain, light, node)
             } else {
-                self.values_of_products(chain, light, node)
+                self.values_of_products(chain, light, product, node)
             };
-            self.values.insert(key, values);
+            self.places[place] = (self.pool.len() / n) as u32;
+            self.pool.extend(values);
         }
-        &self.values[&key]
+        let at = self.places[place] as usize * n;
+        &self.pool[at..at + n]
     }
 
-    fn values_of_products(&mut self, chain: ChainId, light: Light, node: u32) -> Vec<f64> {
-        let (scenery, source, n) = (self.scenery, self.spectrum_of(light), self.time.beam.len());
-        let factors = self.paths.chains.factors(chain);
-        let product = self.products.entry((chain, light.code())).or_insert_with(|| {
+    fn values_of_products(&mut self, chain: ChainId, light: Light, product: usize, node: usize) -> Vec<f64> {
+        let (block, source, n) = (self.block, self.spectrum_of(light), self.time.beam.len());
+        let product = self.products[product].get_or_insert_with(|| {
             let mut product = source.map_or_else(|| vec![1.0; n], <[f64]>::to_vec);
-            for factor in factors {
-                product.iter_mut().zip(factor.spectrum(scenery)).for_each(|(p, f)| *p *= f);
+            for factor in block.paths.chains.factors(chain) {
+                product.iter_mut().zip(factor.spectrum(block.scenery)).for_each(|(p, f)| *p *= f);
             }
             product
         });
-        let mut out = vec![0.0; self.channels.len()];
-        match self.tau_2.get(node as usize) {
-            Some(tau_2) => self.channels.fold_product(product, tau_2, &mut out),
-            None => self.channels.fold(product, &mut out),
+        let mut out = vec![0.0; block.channels.len()];
+        match self.tau_2.get(node) {
+            Some(tau_2) => block.channels.fold_product(product, tau_2, &mut out),
+            None => block.channels.fold(product, &mut out),
         }
         out
     }
 
-    fn values_of_means(&self, chain: ChainId, light: Light, node: u32) -> Vec<f64> {
-        let mut out = vec![1.0; self.channels.len()];
+    fn values_of_means(&self, chain: ChainId, light: Light, node: usize) -> Vec<f64> {
+        let Block { scenery, paths, channels, .. } = self.block;
+        let mut out = vec![1.0; channels.len()];
         let mut means = out.clone();
         let mut multiply = |spectrum: &[f64]| {
-            self.channels.fold(spectrum, &mut means);
+            channels.fold(spectrum, &mut means);
             out.iter_mut().zip(&means).for_each(|(out, mean)| *out *= mean);
         };
-        self.paths.chains.factors(chain).iter().for_each(|factor| multiply(factor.spectrum(self.scenery)));
+        paths.chains.factors(chain).iter().for_each(|factor| multiply(factor.spectrum(scenery)));
         match light {
             Light::Own => {}
             Light::Beam => {
@@ -416,38 +482,40 @@ impl<'a> BlockLight<'a> {
             }
             Light::MeanSky | Light::SkyTerm(_) => self.spectrum_of(light).into_iter().for_each(&mut multiply),
         }
-        self.tau_2.get(node as usize).into_iter().for_each(|tau_2| multiply(tau_2));
+        self.tau_2.get(node).into_iter().for_each(|tau_2| multiply(tau_2));
         out
     }
 
     /// One pixel: its records, its samples, and what each of its clusters takes of the block's lines of sight.
     pub fn pixel(
         &mut self,
-        records: Range<usize>,
+        light: &PixelLight,
         samples: Range<usize>,
         sights: &[Shares],
         surface: bool,
         by_term: bool,
     ) -> PixelRadiance {
-        let n = self.channels.len();
-        let per_replicate = samples.len() as f64 / REPLICATES as f64;
-        self.gather(records, by_term);
+        let n = self.block.channels.len();
+        let n_samples = samples.len() as f64;
+        self.gather(&light.changing, by_term);
         let mut radiance = vec![[0.0; REPLICATES]; n];
         let mut leaving = if surface { radiance.clone() } else { Vec::new() };
         let mut terms: Vec<(Term, Vec<f64>)> = Vec::new();
-        let weighted = std::mem::take(&mut self.weighted);
         let mut values = vec![0.0; n];
+        let per_replicate = REPLICATES as f64 / n_samples;
         let spread = |values: &[f64], replicates: &[f64; REPLICATES], out: &mut [[f64; REPLICATES]]| {
             for (sums, value) in out.iter_mut().zip(values) {
-                sums.iter_mut().zip(replicates).for_each(|(sum, w)| *sum += w * value / per_replicate);
+                let value = value * per_replicate;
+                sums.iter_mut().zip(replicates).for_each(|(sum, w)| *sum += w * value);
             }
         };
-        for entry in &weighted {
+        let changing = std::mem::take(&mut self.weights);
+        for entry in light.steady.list.iter().chain(&changing.list) {
             match &sights[entry.cluster as usize] {
                 None => values.copy_from_slice(self.channel_values(entry.chain, entry.light, NO_PATH)),
                 Some(shares) => {
                     values.fill(0.0);
-                    for (node, share) in shares {
+                    for (node, share) in shares.iter().filter(|(_, share)| *share != 0.0) {
                         let at_node = self.channel_values(entry.chain, entry.light, *node);
                         values.iter_mut().zip(at_node).for_each(|(value, v)| *value += share * v);
                     }
@@ -455,7 +523,7 @@ impl<'a> BlockLight<'a> {
             }
             spread(&values, &entry.replicates, &mut radiance);
             if by_term {
-                let mean = entry.replicates.iter().sum::<f64>() / samples.len() as f64;
+                let mean = entry.replicates.iter().sum::<f64>() / n_samples;
                 let at = terms.iter().position(|(term, _)| *term == entry.term).unwrap_or_else(|| {
                     terms.push((entry.term, vec![0.0; n]));
                     terms.len() - 1
@@ -466,7 +534,7 @@ impl<'a> BlockLight<'a> {
                 spread(self.channel_values(entry.chain, entry.light, NO_PATH), &entry.replicates, &mut leaving);
             }
         }
-        self.weighted = weighted;
+        self.weights = changing;
         let mut upwelled = vec![0.0; n];
         for (q, shares) in sights.iter().enumerate() {
             let Some(shares) = shares else { continue };
@@ -476,11 +544,12 @@ impl<'a> BlockLight<'a> {
                 values.iter_mut().zip(at_node).for_each(|(value, l_u)| *value += share * l_u);
             }
             let mut counts = [0.0; REPLICATES];
-            for sample in self.paths.samples[samples.clone()].iter().filter(|sample| usize::from(sample.cluster) == q) {
+            let samples = &self.block.paths.samples[samples.clone()];
+            for sample in samples.iter().filter(|sample| usize::from(sample.cluster) == q) {
                 counts[sample.replicate as usize] += 1.0;
             }
             spread(&values, &counts, &mut radiance);
-            let share = counts.iter().sum::<f64>() / samples.len() as f64;
+            let share = counts.iter().sum::<f64>() / n_samples;
             upwelled.iter_mut().zip(&values).for_each(|(sum, value)| *sum += share * value);
         }
         PixelRadiance { radiance, surface: leaving, terms, upwelled }

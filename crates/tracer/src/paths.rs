@@ -1,9 +1,9 @@
 //! Paths without light: what is kept of a block of pixels so that any time can light it.
 
-use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::DVec3;
+use rustc_hash::FxHashMap;
 use sunglint_geometry::{FacetId, Hit};
 use sunglint_radiometry::WorldDir;
 
@@ -81,6 +81,13 @@ pub(crate) struct Vertex {
     pub first: bool,
     /// Point of the sun's disk, in disk radii; (0, 0) for a point sun.
     pub disk: [f64; 2],
+}
+
+impl Source {
+    /// Whether the light of a record is the same at every time but for its spectrum.
+    pub fn is_steady(&self) -> bool {
+        matches!(self, Self::MeanSky | Self::Own)
+    }
 }
 
 /// A contribution: Σ over `chains` of weight × chain spectrum × source.
@@ -193,8 +200,8 @@ impl Paths {
 #[derive(Default)]
 pub(crate) struct Chains {
     factors: Vec<Vec<Factor>>,
-    known: HashMap<Vec<Factor>, ChainId>,
-    next: HashMap<(ChainId, Factor), ChainId>,
+    known: FxHashMap<Vec<Factor>, ChainId>,
+    next: FxHashMap<(ChainId, Factor), ChainId>,
 }
 
 impl Chains {
@@ -232,7 +239,7 @@ impl Chains {
     }
 }
 
-/// The points of a block that lie on one facet.
+/// Points of a block that lie on one side of one facet.
 pub(crate) struct FacetGroup {
     pub lo: DVec3,
     pub hi: DVec3,
@@ -242,13 +249,13 @@ pub(crate) struct FacetGroup {
 }
 
 impl Paths {
-    /// First vertices by facet and side, in order of first appearance.
+    /// Vertices by facet and side, first surfaces of a path apart from later ones, in order of first appearance.
     pub(crate) fn facet_groups(&self) -> Vec<FacetGroup> {
-        let mut index: HashMap<(FacetId, bool), usize> = HashMap::new();
+        let mut index: FxHashMap<(FacetId, bool, bool), usize> = FxHashMap::default();
         let mut groups: Vec<FacetGroup> = Vec::new();
-        for (i, vertex) in self.vertices.iter().enumerate().filter(|(_, vertex)| vertex.first) {
+        for (i, vertex) in self.vertices.iter().enumerate() {
             let hit = &vertex.hit;
-            let at = *index.entry((hit.facet, hit.front)).or_insert_with(|| {
+            let at = *index.entry((hit.facet, hit.front, vertex.first)).or_insert_with(|| {
                 groups.push(FacetGroup {
                     lo: hit.point,
                     hi: hit.point,

@@ -7,9 +7,9 @@ use sunglint_atmosphere::Path;
 use sunglint_geometry::Ray;
 use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
-use crate::light::{BlockLight, PixelRadiance, Term};
+use crate::light::{Block, BlockLight, PixelLight, PixelRadiance, Term};
 use crate::paths::{Paths, RayCounts};
-use crate::sightline::{self, Sightline, Sightlines};
+use crate::sightline::{self, Shares, Sightline, Sightlines};
 use crate::{Algorithm, Illumination, Scenery, Stream};
 
 /// Pixels along a side of a tile: the unit of resuming and of sharing work.
@@ -205,8 +205,9 @@ fn samples_of_block(view: &View<'_>, tile: Tile, block: &[(u32, u32)], rays: &mu
     // Standard error and mean of every pixel, time and channel.
     let mut estimates: Vec<Vec<Estimate>> = vec![Vec::new(); block.len()];
     let sights = sightlines(view, &pilots);
+    let lightable = Lightable::new(view, &pilots, &sights, &paths, false);
     for time in view.times {
-        *rays += light_pixels(view, time, &pilots, &sights, &paths, false, |pixel, lit, _| {
+        *rays += lightable.light(time, |pixel, lit, _| {
             estimates[pixel.index].extend(lit.radiance.iter().map(|replicates| estimate(replicates)));
         });
     }
@@ -231,25 +232,40 @@ fn samples_of_block(view: &View<'_>, tile: Tile, block: &[(u32, u32)], rays: &mu
     counts
 }
 
-/// Lights traced pixels at one time and hands each to `each`.
-fn light_pixels(
-    view: &View<'_>,
-    time: &Illumination,
-    pixels: &[PixelPaths],
-    sights: &Sightlines,
-    paths: &Paths,
+/// Traced pixels with all that their times share.
+struct Lightable<'a> {
+    block: Block<'a>,
+    pixels: Vec<(&'a PixelPaths, PixelLight, &'a [Shares])>,
+    surface: bool,
     by_term: bool,
-    mut each: impl FnMut(&PixelPaths, PixelRadiance, f64),
-) -> RayCounts {
-    let lighting = view.algorithm.lighting();
-    let (mut light, rays) = BlockLight::new(view.scenery, paths, time, view.channels, lighting, &sights.nodes);
-    for (pixel, sights) in pixels.iter().zip(&sights.of_pixels) {
-        let samples = pixel.samples.clone();
-        let lit = light.lit_fraction(samples.clone());
-        let radiance = light.pixel(pixel.records.clone(), samples, sights, view.surface_radiance, by_term);
-        each(pixel, radiance, lit);
+}
+
+impl<'a> Lightable<'a> {
+    fn new(view: &View<'a>, pixels: &'a [PixelPaths], sights: &'a Sightlines, paths: &'a Paths, by_term: bool) -> Self {
+        let block = Block {
+            scenery: view.scenery,
+            paths,
+            channels: view.channels,
+            lighting: view.algorithm.lighting(),
+            groups: paths.facet_groups(),
+            nodes: &sights.nodes,
+        };
+        let pixels = (pixels.iter().zip(&sights.of_pixels))
+            .map(|(pixel, shares)| (pixel, PixelLight::new(paths, pixel.records.clone(), by_term), shares.as_slice()))
+            .collect();
+        Self { block, pixels, surface: view.surface_radiance, by_term }
     }
-    rays
+
+    /// Lights the pixels at one time and hands each to `each`, with its sun-lit fraction.
+    fn light(&self, time: &Illumination, mut each: impl FnMut(&PixelPaths, PixelRadiance, f64)) -> RayCounts {
+        let (mut light, rays) = BlockLight::new(&self.block, time);
+        for (pixel, records, sights) in &self.pixels {
+            let samples = pixel.samples.clone();
+            let lit = light.lit_fraction(samples.clone());
+            each(pixel, light.pixel(records, samples, sights, self.surface, self.by_term), lit);
+        }
+        rays
+    }
 }
 
 /// Where τ₂ and L_u are needed for some pixels, and what each of their clusters takes of it.
@@ -267,8 +283,9 @@ fn light_block(
 ) {
     let n_channels = view.channels.len();
     let sights = sightlines(view, pending);
+    let lightable = Lightable::new(view, pending, &sights, paths, false);
     for (t, time) in view.times.iter().enumerate() {
-        let rays = light_pixels(view, time, pending, &sights, paths, false, |pixel, radiance, lit| {
+        let rays = lightable.light(time, |pixel, radiance, lit| {
             for c in 0..n_channels {
                 let at = (t * n_channels + c) * n_pixels + pixel.index;
                 let e = estimate(&radiance.radiance[c]);
@@ -369,7 +386,7 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
     };
     let view = View { surface_radiance: true, ..*view };
     let sights = sightlines(&view, &traced);
-    light_pixels(&view, &view.times[time], &traced, &sights, &paths, true, |_, lit, fraction| {
+    Lightable::new(&view, &traced, &sights, &paths, true).light(&view.times[time], |_, lit, fraction| {
         out.radiance = lit.radiance.iter().map(|replicates| estimate(replicates)).collect();
         out.surface = lit.surface.iter().map(|replicates| estimate(replicates)).collect();
         out.terms = lit.terms;

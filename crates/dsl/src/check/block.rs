@@ -99,6 +99,8 @@ pub(super) struct Line<'a> {
     pub param: bool,
     /// Whether its braces hold its clauses.
     pub spread: bool,
+    /// The statement that it is a clause of, or itself.
+    pub of: &'a str,
 }
 
 impl<'a> Line<'a> {
@@ -114,6 +116,7 @@ impl<'a> Line<'a> {
             inherited: false,
             param: false,
             spread: false,
+            of: &statement.key.text,
         }
     }
     fn piece(key: &'a str, key_span: Span, items: &'a [Item]) -> Self {
@@ -128,6 +131,7 @@ impl<'a> Line<'a> {
             inherited: false,
             param: false,
             spread: false,
+            of: key,
         }
     }
     /// From the key to the last item.
@@ -393,7 +397,7 @@ impl<'a> Checker<'a> {
         while at < items.len() {
             let (Some(rule), Value::Word(key)) = (find(&items[at]), &items[at].value) else { break };
             let end = start(at + 1 + usize::from(rule.word)).max(at + 1);
-            lines.push(Line::piece(key, items[at].span, &items[at + 1..end]));
+            lines.push(Line { of: line.key, ..Line::piece(key, items[at].span, &items[at + 1..end]) });
             at = end;
         }
         let within = line.block.filter(|_| line.spread);
@@ -420,7 +424,8 @@ impl<'a> Checker<'a> {
                 let words = line.clauses.iter().chain(line.siblings).map(|rule| rule.key);
                 let near = nearest(word, words).map(|near| format!("`{near}`?")).unwrap_or_default();
                 let known = list(line.clauses.iter().chain(line.siblings).map(|rule| rule.key));
-                let fault = Diagnostic::error("N01", extra.span, format!("`{word}` is no word of `{key}`")).label(near);
+                let fault =
+                    Diagnostic::error("N01", extra.span, format!("`{word}` is no word of `{}`", line.of)).label(near);
                 if known.is_empty() { fault } else { fault.help(format!("known: {known}")) }
             }
             _ if self.sources.line_column(before).0 < self.sources.line_column(extra.span).0 => {

@@ -272,7 +272,7 @@ impl<'a> Checker<'a> {
             let wanted: Vec<String> = wanted.iter().map(|name| format!("`{name}`")).collect();
             let message =
                 format!("the material `{}` has no model {}", choice.materials[materials[0]].name, wanted.join(" or "));
-            let mut fault = Diagnostic::error("M02", span, message).label(describe(materials[0]));
+            let mut fault = Diagnostic::error("M02", span, message).label("no such model");
             for i in materials.iter().take(8) {
                 fault = fault.note(choice.materials[*i].span, describe(*i));
             }

@@ -233,7 +233,7 @@ impl<'a> Checker<'a> {
             }
             Fault::NotPlanar { corner, distance, extent } => {
                 let message = format!(
-                    "this facet is not planar: its corner {} lies {} off the plane",
+                    "this facet is not planar: its corner {} lies {} off the plane of the others",
                     corner + 1,
                     metres(distance)
                 );

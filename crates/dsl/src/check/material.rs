@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use sunglint_plugin::{Role, Value as Arg};
 use sunglint_radiometry::Dimension;
 
-use super::block::{Body, Braces, Line, Owner, Rule, later, rule};
+use super::block::{Body, Braces, Line, Owner, Rule, rule};
 use super::model::LATER;
 use super::names::Kind;
 use super::spectrum::SPECTRUM;
@@ -97,12 +97,11 @@ impl<'a> Checker<'a> {
         }
         let name = material.shown().to_string();
         let near = nearest(&name, self.names.of(Kind::Material).filter(|other| *other != name));
-        let fault = later(Severity::Error, material.line.span(), &format!("material {name}"));
-        let help =
-            "a material without a block is one of the database's; give it a block such as `{ ideal { diffuse 0.1 } }`";
+        let message = format!("`{name}` alone is a material of the database, which comes with a later version");
+        let fault = Diagnostic::error("L01", material.line.span(), message).label("`{ ideal { diffuse 0.1 } }`?");
         self.report(match near {
-            Some(near) => fault.help(format!("{help}; the scene has `{near}`")),
-            None => fault.help(help),
+            Some(near) => fault.help(format!("the scene has `{near}`")),
+            None => fault,
         });
         false
     }

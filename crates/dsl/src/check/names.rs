@@ -66,7 +66,6 @@ impl<'a> Checker<'a> {
             let what = if is_unit(name) { "a unit" } else { "a word of the language" };
             let message = format!("`{name}` is {what} and no name for {}", kind.a_noun());
             self.report(Diagnostic::error("N03", span, message).label(format!("`{name}_1`?")));
-            return;
         }
         if let Some((_, first)) = self.names.find(kind, name) {
             let message = format!("the {} `{name}` is declared twice", kind.noun());

@@ -60,7 +60,7 @@ const DAY: f64 = 86_400.0;
 impl<'a> Checker<'a> {
     pub(super) fn site(&mut self, top: &Body<'a>) -> Option<Site> {
         let line = top.get("site")?;
-        let body = self.block(&line, SITE, "a site");
+        let body = self.block(&line, SITE, "`site`");
         let angle = |limit: f64| Quantity::new(Dimension::Angle).within(-limit, limit);
         let latitude = self.optional(body.get("latitude"), &angle(FRAC_PI_2))?;
         let longitude = self.optional(body.get("longitude"), &angle(2.0 * PI))?;
@@ -80,7 +80,7 @@ impl<'a> Checker<'a> {
     }
 
     pub(super) fn weather(&mut self, line: &Line<'a>, name: Option<&str>) -> Weather {
-        let body = self.block(line, WEATHER, "a weather");
+        let body = self.block(line, WEATHER, "`weather`");
         let scalar =
             |of: Dimension, low: f64, high: f64, usual: &'static str| Quantity::new(of).within(low, high).usual(usual);
         let mut weather = Weather { name: name.map(str::to_string), ..Weather::default() };
@@ -115,7 +115,7 @@ impl<'a> Checker<'a> {
     }
 
     pub(super) fn collect(&mut self, line: &Line<'a>, name: Option<&str>) -> Option<Collect> {
-        let body = self.block(line, COLLECT, "a collection set");
+        let body = self.block(line, COLLECT, "`collect`");
         let weather = match body.get("weather") {
             Some(line) => line.items.first().map(|item| (item, line)).and_then(|(item, line)| {
                 let index = self.reference(&line, item, Kind::Weather);

@@ -102,6 +102,10 @@ pub(super) fn subject(line: &Line) -> String {
         "aod" => "AOD",
         "no2" => "NO2",
         "samples" => "number of samples",
+        "pixels" => "number of pixels",
+        "look_at" => "look-at point",
+        "band" => "band edge",
+        "bands" => "band",
         "only" => "selection",
         "extrapolate" => "extrapolation",
         key => key,
@@ -281,9 +285,10 @@ impl<'a> Checker<'a> {
         if q.holds(value) {
             return Some(value);
         }
-        let percent = q.of == Dimension::Fraction && found.is_none() && q.holds(number / 100.0) && number.abs() > 1.0;
+        let percent = q.of == Dimension::Fraction && found.is_none() && q.holds(number / 100.0) && number >= 2.0;
         let meant = units_of(q.of)
             .filter(|unit| found.is_some_and(|found| found.name != unit.name) && q.holds(canonical(unit, number)))
+            .filter(|_| q.of != Dimension::Angle)
             .min_by_key(|unit| (unit.name != own, unit.name == "ft"));
         let range = range_text(q, found);
         let label = match (percent, meant) {
@@ -472,11 +477,11 @@ impl<'a> Checker<'a> {
             return None;
         };
         let named = own.as_ref().or(shared);
-        if q.of != Dimension::Fraction && named.is_none() {
-            let digits = self.shown(points.last().map_or(given.home, |(_, span)| *span));
-            return self.convert(line, &given, (0.0, &digits), None, q).map(|_| ());
-        }
         let unit_of_run = named.and_then(|word| unit(&word.text, q.of));
+        if q.of != Dimension::Fraction && unit_of_run.is_none() {
+            let digits = self.shown(points.last().map_or(given.home, |(_, span)| *span));
+            return self.convert(line, &given, (0.0, &digits), named, q).map(|_| ());
+        }
         for (numbers, span) in points {
             if !sizes.contains(&numbers.len()) {
                 let (low, high) = (sizes.start(), sizes.end());
@@ -538,6 +543,9 @@ impl<'a> Checker<'a> {
             return None;
         };
         let (text_low, text_high) = (written(*low), written(*high));
+        if unit.as_ref().and_then(|word| sunglint_radiometry::unit(&word.text, q.of)).is_none() {
+            self.convert(line, given, (*low, &format!("{text_low}..{text_high}")), unit.as_ref(), q)?;
+        }
         let lower = self.convert(line, given, (*low, &text_low), unit.as_ref(), q)?;
         let upper = self.convert(line, given, (*high, &text_high), unit.as_ref(), q)?;
         if lower < upper {

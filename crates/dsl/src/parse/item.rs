@@ -7,8 +7,8 @@
 //! 3. is no connective, and nothing else fits: it ends the statement or the row, or a connective that begins a clause
 //!    (`at`, `to`, `for`, …) follows.
 //!
-//! So `30 degrees` and `30 foo` have units for the checker to reject, while in `zenith 30 azimuth 120 deg`, `code 1 like
-//! grey` and `scale 2 orientation spherical` the number is bare.
+//! So `30 degrees` and `30 foo` have units for the checker to reject, while in `zenith 30 azimuth 120 deg`,
+//! `code 1 like grey` and `scale 2 orientation spherical` the number is bare.
 
 use pest::Parser;
 use pest::iterators::Pair;
@@ -211,7 +211,8 @@ pub(super) fn items(tokens: &mut Vec<Token>, source: &str, faults: &mut Faults) 
         let lexeme = std::mem::replace(&mut tokens[i].lexeme, Lexeme::Arrow);
         let is_value = matches!(lexeme, Lexeme::Value(_) | Lexeme::Malformed(_) | Lexeme::Escape(_));
         if tokens[i].breaks && is_value && items.last().is_some_and(|item| !matches!(item.value, Value::Word(_))) {
-            faults.push(forgotten_key(span, source));
+            let held = items.last().map_or(span, |item| item.span);
+            faults.push(forgotten_key(span, source).note(held, "the value of the statement"));
             break;
         }
         i += 1;

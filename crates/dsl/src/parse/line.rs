@@ -1,4 +1,4 @@
-//! One statement, or one row of a list, as the grammar reads it: on one line, in ASCII, bulk values replaced by a token.
+//! One statement, or one row of a list, as the grammar reads it: on one line, in ASCII, bulk values as one token.
 
 use crate::Span;
 use crate::ast::Value;

@@ -1,5 +1,5 @@
-//! Strings, comments and numbers in raw text, as bytes: shared by the pairing of braces and by the scanner, so that both
-//! agree on what is quoted.
+//! Strings, comments and numbers in raw text, as bytes: shared by the pairing of braces and by the scanner, so that
+//! both agree on what is quoted.
 
 /// A string that begins at some place.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -179,13 +179,14 @@ impl Scanner<'_> {
                 Diagnostic::error("S02", self.faults.span(start, end), format!("no statement begins with `{sign}`"));
             return self.faults.push(fault.label("a statement is a word, then its values"));
         }
-        let rest = &self.text[start..line_end(self.bytes, start)];
+        let near = self.text[start..].char_indices().take(200).find(|(_, c)| *c == '\n' || *c == '\r');
+        let rest = &self.text[start..near.map_or(self.text.len(), |(i, _)| start + i)];
         let len = match rest.as_bytes()[0] {
-            b'(' => rest.find(')').map_or(1, |i| i + 1),
-            _ if quoted(self.bytes, start).is_some() => {
-                quoted(self.bytes, start).map_or(1, |string| string.end - start)
-            }
-            _ => rest.find([' ', '\t', '\r', ',', '{', '}', '#', '[']).unwrap_or(rest.len()).max(1),
+            b'(' => rest.bytes().take(200).position(|byte| byte == b')').map_or(1, |i| i + 1),
+            _ => match quoted(self.bytes, start) {
+                Some(string) => string.end - start,
+                None => rest.find([' ', '\t', ',', '{', '}', '#', '[']).unwrap_or(rest.len()).max(1),
+            },
         };
         let span = self.faults.span(start, start + len);
         let what = if len <= 40 { format!("`{}`", &rest[..len]) } else { "this value".to_string() };
@@ -511,8 +512,10 @@ impl Scanner<'_> {
                 Some(_) => {
                     let rest = &self.text[at..];
                     let ends = |c: char| {
-                        c.is_ascii_whitespace()
-                            || matches!(c, ',' | '(' | ')' | '[' | ']' | '{' | '}' | '"' | ';' | '#')
+                        matches!(
+                            c,
+                            ' ' | '\t' | '\r' | '\n' | ',' | '(' | ')' | '[' | ']' | '{' | '}' | '"' | ';' | '#'
+                        )
                     };
                     let raw = &rest[..rest.find(ends).unwrap_or(rest.len())];
                     self.pos += raw.len();
