@@ -34,7 +34,9 @@ fn front_end(criterion: &mut Criterion) {
     let mut group = criterion.benchmark_group("front_end");
     group.sample_size(20);
     group.bench_function("check/truth", |bencher| bencher.iter(|| sunglint::check("examples/truth/truth.glint")));
-    group.bench_function("plan/truth", |bencher| bencher.iter(|| plan("examples/truth/truth.glint", &Options::default())));
+    group.bench_function("plan/truth", |bencher| {
+        bencher.iter(|| plan("examples/truth/truth.glint", &Options::default()))
+    });
     group.bench_function("render/minimal_320x240", |bencher| {
         let plan = plan("examples/minimal/minimal.glint", &Options::default());
         bencher.iter(|| plan.runs()[0].render());

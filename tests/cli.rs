@@ -64,11 +64,21 @@ fn a_killed_render_goes_on_from_its_finished_tiles() {
     let (whole, torn) = (tempfile::tempdir().expect("a folder"), tempfile::tempdir().expect("a folder"));
     let args = |out: &Path| {
         let out = text(out).to_string();
-        ["render", "examples/truth/truth.glint", "--experiment", "ideal", "--pixels", "320x240", "--samples", "16", "-o"]
-            .map(String::from)
-            .into_iter()
-            .chain([out])
-            .collect::<Vec<_>>()
+        [
+            "render",
+            "examples/truth/truth.glint",
+            "--experiment",
+            "ideal",
+            "--pixels",
+            "320x240",
+            "--samples",
+            "16",
+            "-o",
+        ]
+        .map(String::from)
+        .into_iter()
+        .chain([out])
+        .collect::<Vec<_>>()
     };
     let mut child = Command::new(env!("CARGO_BIN_EXE_sunglint"))
         .args(args(torn.path()))
@@ -76,7 +86,13 @@ fn a_killed_render_goes_on_from_its_finished_tiles() {
         .spawn()
         .expect("the program starts");
     let tiles = torn.path().join(".sunglint");
-    let finished = || if tiles.is_dir() { files(&tiles).iter().filter(|p| p.extension().is_some_and(|e| e == "bin")).count() } else { 0 };
+    let finished = || {
+        if tiles.is_dir() {
+            files(&tiles).iter().filter(|p| p.extension().is_some_and(|e| e == "bin")).count()
+        } else {
+            0
+        }
+    };
     while finished() < 3 && child.try_wait().expect("a child").is_none() {
         std::thread::sleep(std::time::Duration::from_millis(5));
     }
@@ -107,7 +123,8 @@ fn the_same_bits_on_one_thread_and_on_three() {
         assert!(output.status.success(), "{}", stderr(&output));
     }
     for name in ["radiance.img", "radiance.exr", "error.exr", "red.png"] {
-        let read = |folder: &Path| std::fs::read(folder.join("default/roof/1992-06-18T160000Z").join(name)).expect(name);
+        let read =
+            |folder: &Path| std::fs::read(folder.join("default/roof/1992-06-18T160000Z").join(name)).expect(name);
         assert!(read(one.path()) == read(three.path()), "{name}");
     }
 }
@@ -147,7 +164,8 @@ fn check_reports_as_json() {
 
 #[test]
 fn the_sun_is_printed_with_units_in_the_keys() {
-    let at = ["sun", "--latitude", "43.08", "--longitude", "-77.67", "--elevation", "168", "--at", "1992-06-18T16:00:00Z"];
+    let at =
+        ["sun", "--latitude", "43.08", "--longitude", "-77.67", "--elevation", "168", "--at", "1992-06-18T16:00:00Z"];
     let sun = json(&[&at[..], &["--pressure", "995", "--temperature", "24", "--json"]].concat());
     assert_eq!(sun["time_utc"], "1992-06-18T16:00:00Z");
     for key in ["zenith_deg", "apparent_zenith_deg", "azimuth_deg", "earth_sun_distance_au"] {
@@ -190,7 +208,8 @@ fn plan_says_what_runs_and_what_is_skipped() {
     let plan = json(&["plan", "examples/truth/truth.glint", "--json"]);
     let run = &plan["runs"][1];
     assert_eq!((run["experiment"].as_str(), run["times"].as_array().map(Vec::len)), (Some("split"), Some(31)));
-    let skips: Vec<&str> = run["skips"].as_array().into_iter().flatten().filter_map(|skip| skip["what"].as_str()).collect();
+    let skips: Vec<&str> =
+        run["skips"].as_array().into_iter().flatten().filter_map(|skip| skip["what"].as_str()).collect();
     assert!(skips.iter().any(|what| what.contains("wavelengths")), "{skips:?}");
 }
 

@@ -53,6 +53,11 @@ fn every_bad_scene_gets_the_code_that_it_is_named_for() {
     for scene in bad_scenes() {
         let (diagnostics, _) = findings(&scene);
         let code = code_of(&scene);
+        if code == "SEVERAL" {
+            let codes: BTreeSet<&str> = diagnostics.iter().map(|d| d.code).collect();
+            assert!(codes.len() >= 6, "{}: {codes:?}", scene.display());
+            continue;
+        }
         assert!(diagnostics.iter().any(|d| d.code == code), "{} lacks {code}: {diagnostics:?}", scene.display());
     }
 }

@@ -47,7 +47,8 @@ fn the_mirror_of_the_truth_scene_shows_both_greys() {
         let explained = sunglint::explain(&plan.runs()[0], pixel, 0, &plan.materials);
         assert_eq!(explained.hit.expect("the mirror is there").material, "mirror");
         let band = explained.bands.iter().find(|band| band.name == "red").expect("the scene has a red band");
-        let (_, value) = band.terms.iter().find(|(name, _)| *name == "specular_background").expect("it shows the front");
+        let (_, value) =
+            band.terms.iter().find(|(name, _)| *name == "specular_background").expect("it shows the front");
         *value
     };
     let (light, dark) = (red((233, 200)), red((291, 200)));

@@ -96,6 +96,8 @@ fn muted(ast: &Ast, sources: &Sources, refused: &[Span]) -> Vec<Span> {
 /// What one run reports; more is noise.
 const MOST_ERRORS: usize = 500;
 const MOST_WARNINGS: usize = 100;
+/// How many of them propose the nearest name: with many names, finding it costs.
+const MOST_NEAREST: usize = 100;
 
 struct Checker<'a> {
     sources: &'a mut Sources,
@@ -149,6 +151,15 @@ const SCENE: &[Rule] = &[
 const LIKE_SENSOR: &[Rule] = &[rule("like", "like SENSOR").word()];
 const LIKE_EXPERIMENT: &[Rule] = &[rule("like", "like EXPERIMENT").word()];
 
+/// Names that lead back to the first, cut where they are many.
+fn circle(names: &[&str]) -> String {
+    const SHOWN: usize = 12;
+    match names {
+        [first @ .., last] if names.len() > SHOWN => format!("{} > … > {last}", first[..SHOWN].join(" > ")),
+        _ => names.join(" > "),
+    }
+}
+
 /// Where a key belongs that stands elsewhere.
 fn home_of(key: &str) -> Option<&'static str> {
     let tables: [(&[Rule], &'static str); 7] = [
@@ -197,6 +208,11 @@ impl<'a> Checker<'a> {
             *count += 1;
             self.diagnostics.push(fault);
         }
+    }
+
+    /// [`nearest`], for the first errors.
+    fn near<'n>(&self, wanted: &str, known: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
+        if self.n_errors < MOST_NEAREST { nearest(wanted, known) } else { None }
     }
 
     fn scene(&mut self, ast: &'a Ast) -> Scene {
@@ -332,8 +348,8 @@ impl<'a> Checker<'a> {
                 && self.constants.contains_key(next.as_str())
             {
                 if let Some(start) = path.iter().position(|known| known == next) {
-                    let circle = path[start..].join(" > ");
-                    let message = format!("constants that stand for each other: {circle} > {next}");
+                    path.push(next);
+                    let message = format!("constants that stand for each other: {}", circle(&path[start..]));
                     let fault = Diagnostic::error("N04", *span, message).label("this closes the circle");
                     self.report(fault);
                     self.poisoned.extend(&path);
@@ -473,7 +489,7 @@ impl<'a> Checker<'a> {
             && kind == Kind::Material
             && self.names.find(kind, name).is_none()
             && !self.constants.contains_key(name.as_str())
-            && nearest(name, self.names.of(kind)).is_none()
+            && self.near(name, self.names.of(kind)).is_none()
             && !self.excused(name)
         {
             let message =
@@ -497,7 +513,7 @@ impl<'a> Checker<'a> {
                 if open[i] {
                     let from = chain.iter().position(|known| *known == i).unwrap_or(0);
                     let names: Vec<&str> = chain[from..].iter().chain([&i]).map(|i| found[*i].shown()).collect();
-                    let message = format!("each {} is like the next: {}", kind.noun(), names.join(" > "));
+                    let message = format!("each {} is like the next: {}", kind.noun(), circle(&names));
                     let span = found[i].head.get("like").map_or(found[i].name_span, |like| like.span());
                     self.report(Diagnostic::error("N04", span, message).label("part of the circle"));
                     break;

@@ -27,7 +27,7 @@ const SYNONYMS: &[(&str, &str)] = &[
 ];
 
 /// The known name that `wanted` most likely stands for: the same but for case or hyphens, a synonym, the only name that
-/// it begins, or one within a third of its letters by the Damerau–Levenshtein distance.
+/// it begins, or one within a third of the letters by the Damerau–Levenshtein distance.
 pub fn nearest<'n>(wanted: &str, known: impl IntoIterator<Item = &'n str>) -> Option<&'n str> {
     if wanted.is_empty() || wanted.len() > 64 {
         return None;
@@ -49,9 +49,10 @@ pub fn nearest<'n>(wanted: &str, known: impl IntoIterator<Item = &'n str>) -> Op
         if wanted.len() >= 3 && other.starts_with(&wanted) {
             prefixed = (Some(name), prefixed.1 + 1);
         }
-        if other.len().abs_diff(wanted.len()) * 3 <= wanted.len().max(3) {
+        let longer = other.len().max(wanted.len()).max(3);
+        if other.len().abs_diff(wanted.len()) * 3 <= longer {
             let distance = strsim::damerau_levenshtein(&wanted, &other);
-            if distance * 3 <= wanted.chars().count().max(3) && best.is_none_or(|(least, _)| distance < least) {
+            if distance * 3 <= longer && best.is_none_or(|(least, _)| distance < least) {
                 best = Some((distance, name));
             }
         }

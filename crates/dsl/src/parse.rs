@@ -13,7 +13,7 @@ mod item;
 mod line;
 mod mark;
 mod scanner;
-mod spelling;
+pub(crate) mod spelling;
 
 use std::collections::BTreeSet;
 

@@ -26,7 +26,7 @@ sensor roof {
 "#;
 
 const SPLIT_TABLE: &[Column] = &[
-    Column { name: "view_zenith", dimension: Dimension::Angle, range: (0.0, 1.5708) },
+    Column { name: "view_zenith", dimension: Dimension::Angle, range: (0.0, std::f64::consts::FRAC_PI_2) },
     Column { name: "diffuse", dimension: Dimension::Fraction, range: (0.0, 1.0) },
     Column { name: "specular", dimension: Dimension::Fraction, range: (0.0, 1e6) },
 ];
@@ -545,55 +545,8 @@ fn no_mutation_of_a_scene_makes_the_checker_panic() {
                 }
             }
         }
-        if std::env::var_os("TRACE").is_some() {
-            std::fs::write("/tmp/last.glint", &text).unwrap();
-        }
         let out = run_with(&text, &[("white.csv", "wavelength_nm,white\n400,0.8\n1000,0.82\n")]);
         let failed = out.diagnostics.iter().any(|fault| fault.severity == Severity::Error);
         assert_eq!(out.scene.is_none(), failed);
-    }
-}
-
-#[test]
-fn zz_show() {
-    struct Disk;
-    impl Loader for Disk {
-        fn read(&mut self, path: &str, from: &str) -> Result<Loaded, LoadError> {
-            let base = std::path::Path::new(from).parent().unwrap_or(std::path::Path::new(""));
-            let full = if from.is_empty() { std::path::PathBuf::from(path) } else { base.join(path) };
-            match std::fs::read(&full) {
-                Ok(bytes) => Ok(Loaded { path: full.display().to_string(), bytes: bytes.into() }),
-                Err(_) => Err(LoadError { message: format!("there is no file {path}"), nearest: None }),
-            }
-        }
-    }
-    let bad = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/bad");
-    let mut paths: Vec<_> = std::fs::read_dir(&bad)
-        .unwrap()
-        .flatten()
-        .map(|e| e.path())
-        .filter(|p| p.extension().is_some_and(|e| e == "glint"))
-        .collect();
-    paths.sort();
-    for path in paths {
-        let (mut sources, mut diagnostics) = (Sources::default(), Vec::new());
-        let ast = parse(&path.display().to_string(), &mut Disk, &mut sources, &mut diagnostics);
-        let _ = check(&ast, &mut sources, &catalog(), &mut Disk, &mut diagnostics);
-        println!("== {}", path.file_name().unwrap().display());
-        for d in &diagnostics {
-            let at = d.span.map_or(String::new(), |s| {
-                let (l, c) = sources.line_column(s);
-                format!("{l}:{c} `{}`", sources.text(s).lines().next().unwrap_or(""))
-            });
-            println!(
-                "  {:?}[{}] {} -- {at} -- {} | {:?} | {:?}",
-                d.severity,
-                d.code,
-                d.message,
-                d.label,
-                d.notes.iter().map(|n| &n.1).collect::<Vec<_>>(),
-                d.help
-            );
-        }
     }
 }

@@ -476,7 +476,7 @@ impl Top {
         let block = Block::new(lo, hi);
         let bounds: Vec<Bounds> = used.iter().map(|&(_, (lo, hi))| block.bounds(lo, hi)).collect();
         let mut order = Vec::with_capacity(used.len());
-        let tree = Tree::build(&bounds, 1, &mut |leaf| {
+        let tree = Tree::over_placements(&bounds, &mut |leaf| {
             order.extend(leaf.iter().map(|&i| used[i as usize].0));
             (order.len() - leaf.len(), leaf.len())
         });

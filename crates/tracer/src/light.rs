@@ -141,24 +141,26 @@ fn cone_overlap(a: f64, b: f64, apart: f64) -> f64 {
 }
 
 /// Half-angle of a cone of solid angle Ω = 2π (1 − cos a) \[rad\].
-fn half_angle(solid_angle: f64) -> f64 {
+pub(crate) fn half_angle(solid_angle: f64) -> f64 {
     2.0 * (solid_angle / (4.0 * PI)).clamp(0.0, 1.0).sqrt().asin()
 }
 
 /// What a specular component of reflectance 1 returns of E_n about a mirror direction: radiance per irradiance \[sr⁻¹\].
+#[allow(clippy::too_many_arguments)]
 fn glint(
     time: &Illumination,
     sun: WorldDir,
     mirror: WorldDir,
     escaped: bool,
     solid_angle: f64,
+    half_angle: f64,
     law: GlintLaw,
     visible: f64,
     cos: f64,
 ) -> f64 {
     let omega_sun = time.sun_solid_angle();
     // Far from the lobe nothing is seen, and most mirror directions are far from the sun.
-    let reach = half_angle(solid_angle) + time.sun_radius;
+    let reach = half_angle + time.sun_radius;
     if reach < 1.0 && mirror.dot(sun) < 1.0 - 0.5 * reach * reach {
         return 0.0;
     }
@@ -168,7 +170,7 @@ fn glint(
     let in_disk = apart <= time.sun_radius && escaped;
     match law {
         GlintLaw::Printed => {
-            let inside = if is_mirror { in_disk } else { apart <= half_angle(solid_angle) && visible > 0.0 };
+            let inside = if is_mirror { in_disk } else { apart <= half_angle && visible > 0.0 };
             if inside { cos / PI } else { 0.0 }
         }
         GlintLaw::Lobe | GlintLaw::Conserving if is_mirror => {
@@ -179,15 +181,13 @@ fn glint(
             }
         }
         GlintLaw::Lobe => {
-            if apart <= half_angle(solid_angle) {
+            if apart <= half_angle {
                 visible / solid_angle
             } else {
                 0.0
             }
         }
-        GlintLaw::Conserving => {
-            visible * cone_overlap(half_angle(solid_angle), time.sun_radius, apart) / (solid_angle * omega_sun)
-        }
+        GlintLaw::Conserving => visible * cone_overlap(half_angle, time.sun_radius, apart) / (solid_angle * omega_sun),
     }
 }
 
@@ -388,11 +388,11 @@ impl<'a> BlockLight<'a> {
                     let i = vertex as usize;
                     (Light::Beam, self.sun.visible[i] * self.sun.cos[i])
                 }
-                Source::Glint { vertex, mirror, escaped, solid_angle, law } => {
+                Source::Glint { vertex, mirror, escaped, solid_angle, half_angle, law } => {
                     let Some(sun) = time.sun else { continue };
                     let i = vertex as usize;
                     let (visible, cos) = (self.sun.visible[i], self.sun.cos[i]);
-                    (Light::Beam, glint(time, sun, mirror, escaped, solid_angle, law, visible, cos))
+                    (Light::Beam, glint(time, sun, mirror, escaped, solid_angle, half_angle, law, visible, cos))
                 }
                 Source::Disk(direction) => {
                     let seen = time.sun.is_some_and(|sun| direction.angle_to(sun) <= time.sun_radius);

@@ -49,7 +49,7 @@ pub(crate) enum Source {
     /// E_n cos θ_s I at a vertex; the record's weight holds the 1/π.
     Sun { vertex: u32 },
     /// The sun's image about a mirror direction at a vertex.
-    Glint { vertex: u32, mirror: WorldDir, escaped: bool, solid_angle: f64, law: GlintLaw },
+    Glint { vertex: u32, mirror: WorldDir, escaped: bool, solid_angle: f64, half_angle: f64, law: GlintLaw },
     /// L_d(ω).
     Sky(WorldDir),
     /// The sun's disk, looked into along a direction.

@@ -16,7 +16,7 @@ use sunglint_radiometry::{Frame, LocalDir, WorldDir};
 use sunglint_reflectance::AngularSpectra;
 
 use crate::algorithm::{Algorithm, Lighting};
-use crate::light::Term;
+use crate::light::{Term, half_angle};
 use crate::paths::{Component, Factor, GlintLaw, Paths, Sample, Source};
 use crate::sampler::{concentric_disk, cosine_hemisphere};
 use crate::{Scenery, Stream};
@@ -566,7 +566,8 @@ impl Published {
                 (false, false) => GlintLaw::Printed,
             };
             let escaped = met.is_none() && direction.cos_zenith() > 0.0;
-            let source = Source::Glint { vertex, mirror: direction, escaped, solid_angle, law };
+            let half_angle = half_angle(solid_angle);
+            let source = Source::Glint { vertex, mirror: direction, escaped, solid_angle, half_angle, law };
             paths.record(id, step.chains.clone(), source, step.weight, sun_term);
         }
         match met {

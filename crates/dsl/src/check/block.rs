@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Checker;
 use crate::ast::{Block, Item, Statement, Value};
-use crate::nearest::{list, nearest};
+use crate::nearest::list;
+use crate::parse::spelling::{CONNECTIVES, is_unit};
 use crate::{Diagnostic, Severity, Span};
 
 /// Whether braces may follow a statement.
@@ -166,10 +167,7 @@ pub(super) fn join(a: Span, b: Span) -> Span {
     if a.file == b.file { a.to(b) } else { a }
 }
 
-/// The words that hold a statement together; no name may be one.
-pub(super) const CONNECTIVES: &[&str] =
-    &["at", "to", "from", "every", "within", "as", "like", "for", "else", "only", "sweep", "on", "off", "none"];
-
+/// Whether a word holds a statement together; no name may be one.
 pub(super) fn is_connective(word: &str) -> bool {
     CONNECTIVES.contains(&word)
 }
@@ -342,7 +340,7 @@ impl<'a> Checker<'a> {
 
     fn unknown(&mut self, line: &Line<'a>, rules: &[Rule], owner: &Owner, body: &mut Body<'a>) {
         let (key, noun) = (line.key, owner.noun);
-        let near = nearest(key, rules.iter().map(|rule| rule.key));
+        let near = self.near(key, rules.iter().map(|rule| rule.key));
         let article = if noun.starts_with(['a', 'e', 'i', 'o', 'u']) { "an" } else { "a" };
         let mut fault = if near.is_none()
             && let Some(home) = super::home_of(key)
@@ -422,7 +420,7 @@ impl<'a> Checker<'a> {
             }
             Value::Word(word) => {
                 let words = line.clauses.iter().chain(line.siblings).map(|rule| rule.key);
-                let near = nearest(word, words).map(|near| format!("`{near}`?")).unwrap_or_default();
+                let near = self.near(word, words).map(|near| format!("`{near}`?")).unwrap_or_default();
                 let known = list(line.clauses.iter().chain(line.siblings).map(|rule| rule.key));
                 let fault =
                     Diagnostic::error("N01", extra.span, format!("`{word}` is no word of `{}`", line.of)).label(near);
@@ -437,10 +435,6 @@ impl<'a> Checker<'a> {
         };
         self.report(fault);
     }
-}
-
-pub(super) fn is_unit(word: &str) -> bool {
-    sunglint_radiometry::UNITS.iter().any(|unit| unit.name == word)
 }
 
 /// The answer to what the language defines but this version does not mean.

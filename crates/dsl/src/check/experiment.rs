@@ -1,6 +1,6 @@
 //! Experiments: what is run on a scene.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use sunglint_plugin::Role;
 use sunglint_radiometry::Dimension;
@@ -11,7 +11,7 @@ use super::names::Kind;
 use super::value::Quantity;
 use super::{Checker, Entity};
 use crate::ast::{Item, Value};
-use crate::nearest::{list, nearest};
+use crate::nearest::list;
 use crate::scene::{Accuracy, Experiment, Material, ModelUse, Products, Sensor, Weather};
 use crate::{Diagnostic, Severity, Span};
 
@@ -38,6 +38,7 @@ const PRODUCTS: &[&str] = &["radiance", "truth", "preview", "surface_radiance", 
 /// What an experiment asks where it says nothing.
 const ACCURACY: Accuracy = Accuracy::Error { relative: 0.01, floor: None };
 const SEED: u64 = 1;
+const WRITTEN: Products = Products { radiance: true, truth: true, preview: true, surface_radiance: false };
 const MOST_SAMPLES: u64 = 1 << 24;
 
 /// Whether a `reflectance` line of a child says again one of its parent: both for all, or for the same materials.
@@ -87,7 +88,7 @@ impl<'a> Checker<'a> {
             collects: (0..choice.n_collects).collect(),
             accuracy: ACCURACY,
             seed: SEED,
-            products: Products { radiance: true, truth: true, preview: true, surface_radiance: false },
+            products: WRITTEN,
             span: None,
         }
     }
@@ -111,7 +112,8 @@ impl<'a> Checker<'a> {
         if let (Some(sensors), Some(collects)) = (&sensors, &collects)
             && choice.whole
         {
-            let seen = |sensor: &usize| choice.sensors[*sensor].collects.iter().any(|c| collects.contains(c));
+            let chosen: BTreeSet<usize> = collects.iter().copied().collect();
+            let seen = |sensor: &usize| choice.sensors[*sensor].collects.iter().any(|c| chosen.contains(c));
             if !sensors.is_empty() && !collects.is_empty() && !sensors.iter().any(seen) {
                 let message = format!("the experiment `{}` leaves nothing to do", entity.shown());
                 let span = body.get("collect").or(body.get("sensor")).map_or(entity.line.span(), |line| line.span());
@@ -125,10 +127,9 @@ impl<'a> Checker<'a> {
         let products = body.get("products").and_then(|line| self.products(&line));
         let models = self.selection(body, choice);
         self.in_experiment = false;
-        let default = self.default_experiment_parts();
         Experiment {
             name: entity.shown().to_string(),
-            algorithm: algorithm.unwrap_or(default.0),
+            algorithm: algorithm.unwrap_or_else(|| self.default_model(Role::Algorithm, "split")),
             atmosphere: atmosphere.unwrap_or_else(|| choice.atmosphere.clone()),
             weather,
             models,
@@ -136,14 +137,9 @@ impl<'a> Checker<'a> {
             collects: collects.unwrap_or_default(),
             accuracy,
             seed,
-            products: products.unwrap_or(default.1),
+            products: products.unwrap_or(WRITTEN),
             span: Some(entity.line.span()),
         }
-    }
-
-    fn default_experiment_parts(&self) -> (ModelUse, Products) {
-        let products = Products { radiance: true, truth: true, preview: true, surface_radiance: false };
-        (self.default_model(Role::Algorithm, "split"), products)
     }
 
     fn accuracy(&mut self, body: &Body<'a>) -> Option<Accuracy> {
@@ -183,7 +179,7 @@ impl<'a> Checker<'a> {
                     continue;
                 }
                 _ => {
-                    let near = nearest(word, PRODUCTS.iter().copied()).map(|near| format!("`{near}`?"));
+                    let near = self.near(word, PRODUCTS.iter().copied()).map(|near| format!("`{near}`?"));
                     let fault = self.misfit(&given, "X01", format!("there is no product `{word}`"));
                     let fault = fault.label(near.unwrap_or_default());
                     self.report(fault.help(format!("known: {}", PRODUCTS.join(", "))));
@@ -211,8 +207,7 @@ impl<'a> Checker<'a> {
         let own = body.all("reflectance").filter(|line| !line.inherited);
         let lines: Vec<Line<'a>> = own.chain(body.all("reflectance").filter(|line| line.inherited)).collect();
         for line in lines {
-            let (chain, materials) = self.chain(&line, choice);
-            let (Some(chain), Some(materials)) = (chain, materials) else {
+            let Some((chain, materials)) = self.chain(&line, choice) else {
                 sound = false;
                 continue;
             };
@@ -247,44 +242,44 @@ impl<'a> Checker<'a> {
                 }
             }
         }
-        let mut lacking: BTreeMap<(u32, u32), (Span, Vec<String>, Vec<usize>)> = BTreeMap::new();
+        // By line, the materials that have none of its models.
+        let mut lacking: BTreeMap<Option<usize>, Vec<usize>> = BTreeMap::new();
         let models = (choice.materials.iter().enumerate())
             .map(|(i, material)| {
-                let have = &choice.identities[i];
+                let Identities { names: have, whole } = &choice.identities[i];
                 if !material.used || have.is_empty() {
                     return None;
                 }
-                let chain = special.get(&i).map(|(chain, _)| &chains[*chain]).or(general.as_ref());
-                let Some(chain) = chain else { return Some(0) };
-                let found = chain.models.iter().find_map(|model| have.iter().position(|own| own == model));
-                if found.is_none() && sound {
-                    let key = (chain.span.file.0, chain.span.start);
-                    lacking.entry(key).or_insert((chain.span, chain.models.clone(), Vec::new())).2.push(i);
+                let own = special.get(&i).map(|(chain, _)| *chain);
+                let Some(chain) = own.map(|own| &chains[own]).or(general.as_ref()) else { return Some(0) };
+                let found = chain.models.iter().find_map(|model| have.iter().position(|name| name == model));
+                if found.is_none() && sound && *whole {
+                    lacking.entry(own).or_default().push(i);
                 }
                 found
             })
             .collect();
-        for (span, wanted, materials) in lacking.into_values() {
+        for (line, materials) in lacking {
+            let Some(chain) = line.map(|line| &chains[line]).or(general.as_ref()) else { continue };
             let describe = |i: usize| {
-                let have: Vec<String> = choice.identities[i].iter().map(|name| format!("`{name}`")).collect();
+                let have: Vec<String> = choice.identities[i].names.iter().map(|name| format!("`{name}`")).collect();
                 format!("`{}` has {}", choice.materials[i].name, have.join(", "))
             };
-            let wanted: Vec<String> = wanted.iter().map(|name| format!("`{name}`")).collect();
+            let wanted: Vec<String> = chain.models.iter().map(|name| format!("`{name}`")).collect();
             let message =
                 format!("the material `{}` has no model {}", choice.materials[materials[0]].name, wanted.join(" or "));
-            let mut fault = Diagnostic::error("M02", span, message).label("no such model");
+            let mut fault = Diagnostic::error("M02", chain.span, message).label("no such model");
             for i in materials.iter().take(8) {
                 fault = fault.note(choice.materials[*i].span, describe(*i));
             }
-            let other = choice.identities[materials[0]].first().map_or("ideal", String::as_str);
+            let other = choice.identities[materials[0]].names.first().map_or("ideal", String::as_str);
             self.report(fault.help(format!("add `else {other}`, or give the material such a model")));
         }
         models
     }
 
     /// The models of one line, and its materials where it names them.
-    #[allow(clippy::type_complexity, reason = "two answers, each of which may have failed")]
-    fn chain(&mut self, line: &Line<'a>, choice: &Choice) -> (Option<Chain>, Option<Option<Vec<usize>>>) {
+    fn chain(&mut self, line: &Line<'a>, choice: &Choice) -> Option<(Chain, Option<Vec<usize>>)> {
         let (items, clauses) = self.clauses(line);
         let materials = match clauses.get("for") {
             Some(clause) => self.references(&clause, clause.items, Kind::Material).map(Some),
@@ -313,12 +308,12 @@ impl<'a> Checker<'a> {
                 None => good = false,
             }
         }
-        (good.then_some(Chain { models, span: line.span() }), materials)
+        good.then_some((Chain { models, span: line.span() }, materials?))
     }
 
     fn model_name(&mut self, line: &Line<'a>, item: &'a Item, choice: &Choice) -> Option<String> {
         let mut known: Vec<&str> = self.catalog.of(Role::Reflectance).map(|info| info.name).collect();
-        known.extend(choice.identities.iter().flatten().map(String::as_str));
+        known.extend(choice.identities.iter().flat_map(|models| &models.names).map(String::as_str));
         known.sort_unstable();
         known.dedup();
         let given = self.resolve(item, &known);
@@ -333,7 +328,7 @@ impl<'a> Checker<'a> {
             let have = list(self.catalog.of(Role::Reflectance).map(|info| info.name));
             self.report(later(Severity::Error, given.span, name).help(format!("this version has {have}")));
         } else if !self.excused(name) {
-            let near = nearest(name, known.iter().copied()).map(|near| format!("`{near}`?")).unwrap_or_default();
+            let near = self.near(name, known.iter().copied()).map(|near| format!("`{near}`?")).unwrap_or_default();
             let message = format!("`{name}` is no reflectance model, and no material has a model of that label");
             let fault = self.misfit(&given, "N02", message).label(near);
             self.report(fault.help(format!("known: {}", list(known))));

@@ -13,7 +13,6 @@ use super::polygon::{self, Fault};
 use super::spectrum::Opened;
 use super::value::{COORDINATE, Given, Quantity, SCALE, SIZE, TURN};
 use crate::ast::{Item, Value};
-use crate::nearest::nearest;
 use crate::scene::{Facing, Ground, Object, Pose, SceneFile, Shape};
 use crate::{Diagnostic, Severity, Span};
 
@@ -84,6 +83,8 @@ pub(super) const GROUND_RULE: Rule =
 const MOST_PLACED: u64 = 10_000_000;
 /// The most members that nested placements may expand to.
 const MOST_EXPANDED: u64 = 1_000_000_000;
+/// How deep objects may place each other.
+const DEEPEST: usize = 64;
 /// How far a corner may lie off the plane of its facet, as a share of the facet's extent: corners written to a
 /// millimetre on facets of a metre.
 const PLANAR: f64 = 1e-3;
@@ -380,7 +381,7 @@ impl<'a> Checker<'a> {
                     Some((sensor, _)) => Facing::Sensor(sensor),
                     None => {
                         if !self.excused(word) {
-                            let near = nearest(word, own.iter().copied()).map(|near| format!("`{near}`?"));
+                            let near = self.near(word, own.iter().copied()).map(|near| format!("`{near}`?"));
                             let message = format!("`{word}` is no direction, and no sensor has that name");
                             let fault = self.misfit(&given, "N02", message).label(near.unwrap_or_default());
                             self.report(fault.help(format!("known: {}", own.join(", "))));
@@ -470,7 +471,7 @@ impl<'a> Checker<'a> {
             let names: Vec<&str> = units_of(Dimension::Length).map(|unit| unit.name).collect();
             let known = sunglint_radiometry::UNITS.iter().any(|unit| unit.name == word);
             let (code, what) = if known { ("U03", "no unit of length") } else { ("U01", "no unit") };
-            let near = nearest(word, names.iter().copied()).unwrap_or("m");
+            let near = self.near(word, names.iter().copied()).unwrap_or("m");
             let fault = Diagnostic::error(code, item.span, format!("a mesh has a unit of length; `{word}` is {what}"));
             self.report(fault.label(format!("{near}? ({})", names.join(" "))));
         } else {
@@ -593,8 +594,8 @@ impl<'a> Checker<'a> {
         Some((m, n))
     }
 
-    /// Reports objects that place each other in a circle; whether there are none.
-    pub(super) fn objects_are_finite(&mut self, objects: &[Object], world: &[Shape]) -> bool {
+    /// Reports objects that place each other in a circle, too deep, or too many.
+    pub(super) fn objects_are_finite(&mut self, objects: &[Object], world: &[Shape]) {
         let places = |shapes: &[Shape]| -> Vec<(usize, Span, u64)> {
             (shapes.iter())
                 .filter_map(|shape| match shape {
@@ -607,6 +608,7 @@ impl<'a> Checker<'a> {
         // Members that an object expands to; `None` while its own are being counted.
         let mut members: Vec<Option<u64>> = vec![None; objects.len()];
         let mut open = vec![false; objects.len()];
+        let mut depth = vec![0usize; objects.len()];
         for root in 0..objects.len() {
             let mut stack = vec![(root, 0)];
             while let Some((object, next)) = stack.pop() {
@@ -621,9 +623,9 @@ impl<'a> Checker<'a> {
                         let start = path.iter().position(|o| o == child).unwrap_or(0);
                         let names: Vec<&str> =
                             path[start..].iter().chain([child]).map(|o| objects[*o].name.as_str()).collect();
-                        let message = format!("objects place each other without end: {}", names.join(" > "));
+                        let message = format!("objects place each other without end: {}", super::circle(&names));
                         self.report(Diagnostic::error("N04", *span, message).label("this closes the circle"));
-                        return false;
+                        return;
                     }
                     Some((child, ..)) => {
                         stack.push((object, next + 1));
@@ -635,6 +637,16 @@ impl<'a> Checker<'a> {
                             sum.saturating_add(n.saturating_mul(members[*child].unwrap_or(1)))
                         });
                         members[object] = Some(sum);
+                        let deepest = edges[object].iter().max_by_key(|(child, ..)| depth[*child]);
+                        let Some((child, span, _)) = deepest else { continue };
+                        depth[object] = depth[*child] + 1;
+                        if depth[object] == DEEPEST {
+                            let message = format!("objects place each other more than {DEEPEST} deep");
+                            self.report(
+                                Diagnostic::error("G05", *span, message).label("place it in the scene itself?"),
+                            );
+                            return;
+                        }
                     }
                 }
             }
@@ -646,10 +658,9 @@ impl<'a> Checker<'a> {
                 self.report(
                     Diagnostic::error("G05", span, message).label(format!("at most {:.0e}", MOST_EXPANDED as f64)),
                 );
-                return false;
+                return;
             }
         }
-        true
     }
 
     /// Which objects are placed, at any depth.

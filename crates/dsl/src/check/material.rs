@@ -12,7 +12,7 @@ use super::spectrum::SPECTRUM;
 use super::value::{Quantity, SHARE};
 use super::{Checker, Entity};
 use crate::ast::{Item, Value};
-use crate::nearest::{list, nearest};
+use crate::nearest::list;
 use crate::scene::{Material, ModelUse};
 use crate::{Diagnostic, Severity, Span};
 
@@ -36,7 +36,11 @@ pub(super) fn identity<'l>(line: &Line<'l>) -> &'l str {
 }
 
 /// What an experiment can pick from a material, in order.
-pub(super) type Identities = Vec<String>;
+pub(super) struct Identities {
+    pub names: Vec<String>,
+    /// Whether these are all: nothing in the material that may be a model was refused.
+    pub whole: bool,
+}
 
 impl<'a> Checker<'a> {
     /// The statements of a material's block: its own, and a statement for each model.
@@ -96,7 +100,7 @@ impl<'a> Checker<'a> {
             return true;
         }
         let name = material.shown().to_string();
-        let near = nearest(&name, self.names.of(Kind::Material).filter(|other| *other != name));
+        let near = self.near(&name, self.names.of(Kind::Material).filter(|other| *other != name));
         let message = format!("`{name}` alone is a material of the database, which comes with a later version");
         let fault = Diagnostic::error("L01", material.line.span(), message).label("`{ ideal { diffuse 0.1 } }`?");
         self.report(match near {
@@ -132,8 +136,8 @@ impl<'a> Checker<'a> {
         let reflectance = spectrum(self, "reflectance", &SHARE.code("M05"));
         let emission = spectrum(self, "emission", &radiance);
 
-        let mut identities: Identities = Vec::new();
-        let mut places: Vec<Span> = Vec::new();
+        let mut identities: Vec<String> = Vec::new();
+        let mut places: BTreeMap<&str, Span> = BTreeMap::new();
         let mut lines = Vec::new();
         for line in body.lines.iter().filter(|line| self.catalog.find(Role::Reflectance, line.key).is_some()) {
             let name = identity(line);
@@ -142,15 +146,15 @@ impl<'a> Checker<'a> {
                 continue;
             }
             self.surplus(line, line.items, 1);
-            if let Some(i) = identities.iter().position(|known| known == name) {
+            if let Some(first) = places.get(name).copied() {
                 let message = format!("`{name}` stands twice in this material");
                 let fault =
                     Diagnostic::error("M03", line.span(), message).label("give it a label: `MODEL LABEL { … }`");
-                self.report(fault.note(places[i], "first here"));
+                self.report(fault.note(first, "first here"));
                 continue;
             }
             identities.push(name.to_string());
-            places.push(line.span());
+            places.insert(name, line.span());
             lines.push(*line);
         }
         let mut models: Vec<ModelUse> = Vec::new();
@@ -171,15 +175,13 @@ impl<'a> Checker<'a> {
             models.push(model);
         }
         let is_model = |key: &str| !MATERIAL.iter().any(|rule| rule.key == key);
-        if used && identities.is_empty() && !body.obscure && !body.faulty.iter().any(|key| is_model(key)) {
-            let name = entity.shown();
-            if !self.spoilt(owner.extent) {
-                let have = list(self.catalog.of(Role::Reflectance).map(|info| info.name));
-                let message = format!("the material `{name}` is used but has no model");
-                let cure = if reflectance.is_some() { "ideal" } else { "ideal { diffuse 0.1 }" };
-                let fault = Diagnostic::error("S05", entity.name_span, message).label(format!("`{cure}`?"));
-                self.report(fault.help(format!("models: {have}")));
-            }
+        let whole = !body.obscure && !body.faulty.iter().any(|key| is_model(key)) && !self.spoilt(owner.extent);
+        if used && identities.is_empty() && whole {
+            let have = list(self.catalog.of(Role::Reflectance).map(|info| info.name));
+            let message = format!("the material `{}` is used but has no model", entity.shown());
+            let cure = if reflectance.is_some() { "ideal" } else { "ideal { diffuse 0.1 }" };
+            let fault = Diagnostic::error("S05", entity.name_span, message).label(format!("`{cure}`?"));
+            self.report(fault.help(format!("models: {have}")));
         }
         if !used {
             models.clear();
@@ -187,6 +189,9 @@ impl<'a> Checker<'a> {
         self.opening = true;
         let name = entity.shown().to_string();
         let span = entity.line.span();
-        (Material { name, code, title, reflectance, emission, models, used, span, spans }, identities)
+        (
+            Material { name, code, title, reflectance, emission, models, used, span, spans },
+            Identities { names: identities, whole },
+        )
     }
 }

@@ -9,7 +9,7 @@ use super::block::{Braces, Line, Owner, Rule, later, rule};
 use super::spectrum::SPECTRUM;
 use super::value::Quantity;
 use crate::ast::{Block, Value};
-use crate::nearest::{list, nearest};
+use crate::nearest::list;
 use crate::scene::ModelUse;
 use crate::{Diagnostic, Severity, Span};
 
@@ -72,7 +72,7 @@ impl<'a> Checker<'a> {
         }
         let known: Vec<&str> = self.catalog.of(role).map(|info| info.name).collect();
         let coming = LATER.iter().filter(|(of, _)| *of == role).map(|(_, name)| *name);
-        let near = nearest(name, known.iter().copied().chain(coming));
+        let near = self.near(name, known.iter().copied().chain(coming));
         let mut fault = Diagnostic::error("N01", span, format!("`{name}` is no {}", role.noun()));
         if let Some(near) = near {
             fault = fault.label(format!("`{near}`?"));
@@ -210,7 +210,7 @@ impl<'a> Checker<'a> {
             };
             let known = labels.unwrap_or_default();
             if !known.contains(label) {
-                let near = nearest(label, known.iter().map(String::as_str));
+                let near = self.near(label, known.iter().map(String::as_str));
                 let fault = Diagnostic::error("M03", row[0].span, format!("the material has no model `{label}`"));
                 let fault = fault.label(near.map(|near| format!("`{near}`?")).unwrap_or_default());
                 self.report(fault.help(format!("it has {}", list(known.iter().map(String::as_str)))));

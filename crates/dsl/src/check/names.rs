@@ -1,11 +1,11 @@
 //! Names: one space for each kind of thing.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::Checker;
-use super::block::{Line, is_connective, is_unit};
+use super::block::{Line, is_connective};
 use crate::ast::{Item, Value};
-use crate::nearest::nearest;
+use crate::parse::spelling::is_unit;
 use crate::{Diagnostic, Span};
 
 /// What a name is of.
@@ -82,7 +82,7 @@ impl<'a> Checker<'a> {
         }
         if !self.excused(name) {
             let fault = Diagnostic::error("N02", span, format!("there is no {} `{name}`", kind.noun()));
-            let near = nearest(name, self.names.of(kind));
+            let near = self.near(name, self.names.of(kind));
             let elsewhere = Kind::NAMED.iter().find_map(|other| Some((*other, self.names.find(*other, name)?.1)));
             let fault = match (near, elsewhere) {
                 (Some(near), _) => fault.label(format!("`{near}`?")),
@@ -108,7 +108,8 @@ impl<'a> Checker<'a> {
     /// Whether a name is unknown only because what declares it could not be read.
     pub(super) fn excused(&self, name: &str) -> bool {
         let mentions = |text: &str| text.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == name);
-        self.poisoned.contains(name)
+        self.n_errors >= super::MOST_ERRORS
+            || self.poisoned.contains(name)
             || self.refused_text.iter().any(|span| {
                 let text = &self.sources.get(span.file).text;
                 let (start, end) = (span.start as usize, span.end as usize);
@@ -146,11 +147,12 @@ impl<'a> Checker<'a> {
             return None;
         }
         let mut out = Vec::new();
+        let mut taken = BTreeSet::new();
         let mut good = true;
         for member in members {
             match self.reference(line, member, kind) {
-                Some(index) if out.contains(&index) => {}
-                Some(index) => out.push(index),
+                Some(index) if taken.insert(index) => out.push(index),
+                Some(_) => {}
                 None => good = false,
             }
         }

@@ -256,7 +256,7 @@ impl<'a> Checker<'a> {
             let first = *first;
             let fault = Diagnostic::error("V03", span, format!("this sensor has two bands `{name}`"));
             self.report(fault.label("another name?").note(first, "the first"));
-        } else if super::block::is_unit(name) || super::block::is_connective(name) {
+        } else if crate::parse::spelling::is_unit(name) || super::block::is_connective(name) {
             let fault = Diagnostic::error("N03", span, format!("`{name}` is a unit or a word of the language"));
             self.report(fault.label(format!("`{name}_1`?")));
         } else {

@@ -1,5 +1,6 @@
 //! Spectra, tables and files.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use sunglint_plugin::{Column, FileArg, SpectralValue, Table, TableKey};
@@ -204,6 +205,7 @@ impl<'a> Checker<'a> {
     ) -> Option<SpectralValue> {
         let mut curve: Vec<(f64, f64)> = Vec::new();
         let mut bands: Vec<(String, f64)> = Vec::new();
+        let mut named = BTreeSet::new();
         let mut last: Option<Span> = None;
         for row in rows.iter().filter(|row| !row.is_empty()) {
             let place = super::block::join(row[0].span, row[row.len() - 1].span);
@@ -216,7 +218,7 @@ impl<'a> Checker<'a> {
             let second = self.resolve(value, &[]);
             if let (Value::Word(band), None) = (first.value, first.constant) {
                 let number = self.measure(line, &second, shared, q)?;
-                if bands.iter().any(|(name, _)| name == band) {
+                if !named.insert(band.as_str()) {
                     let message = format!("band `{band}` has two values");
                     self.report(Diagnostic::error("M05", key.span, message).label("named again"));
                     return None;

@@ -9,7 +9,8 @@ use super::Checker;
 use super::block::Line;
 use super::names::Kind;
 use crate::ast::{Item, Value, Word};
-use crate::nearest::{list, nearest};
+use crate::nearest::list;
+use crate::parse::spelling::meant_unit;
 use crate::{Diagnostic, Span};
 
 /// What a number measures and where it must lie, in canonical units.
@@ -215,7 +216,7 @@ impl<'a> Checker<'a> {
             if self.poisoned.contains(word.as_str()) {
                 return;
             }
-            let near = nearest(word, self.constants.keys().copied());
+            let near = self.near(word, self.constants.keys().copied());
             let fault =
                 Diagnostic::error("N02", given.span, format!("{what} is {noun}; no constant is called `{word}`"));
             let near = near.map_or_else(|| format!("{noun}?"), |near| format!("`{near}`?"));
@@ -328,9 +329,9 @@ impl<'a> Checker<'a> {
                 ))
             }
             None => {
-                let near = nearest(&word.text, units_of(q.of).map(|unit| unit.name))
-                    .or_else(|| spelt_out(&word.text, q.of))
-                    .or_else(|| UNITS.iter().find(|unit| unit.name.eq_ignore_ascii_case(&word.text)).map(|u| u.name));
+                let near = self
+                    .near(&word.text, units_of(q.of).map(|unit| unit.name))
+                    .or_else(|| meant_unit(&word.text).filter(|name| unit(name, q.of).is_some()));
                 let label = format!("{}{}", cure(near.unwrap_or(own)), others(q.of, near.unwrap_or(own)));
                 self.misfit(given, "U01", format!("{what} is {noun}; `{}` is no unit", word.text)).label(label)
             }
@@ -444,7 +445,7 @@ impl<'a> Checker<'a> {
         };
         let found = words.iter().find(|known| *known == word).copied();
         if found.is_none() && !self.poisoned.contains(word.as_str()) {
-            let near = nearest(word, words.iter().copied()).map(|near| format!("`{near}`?")).unwrap_or_default();
+            let near = self.near(word, words.iter().copied()).map(|near| format!("`{near}`?")).unwrap_or_default();
             let fault = self.misfit(&given, "N01", format!("`{word}` is no word of `{}`", line.key)).label(near);
             self.report(fault.help(format!("known: {}", list(words.iter().copied()))));
         }
@@ -591,35 +592,6 @@ impl<'a> Checker<'a> {
     fn known_anywhere(&self, word: &str) -> bool {
         Kind::NAMED.iter().any(|kind| self.names.find(*kind, word).is_some())
     }
-}
-
-/// Units as people write them out.
-fn spelt_out(word: &str, of: Dimension) -> Option<&'static str> {
-    let word = word.to_lowercase();
-    let stem = word.trim_end_matches('s');
-    let name = match stem {
-        "degree" => "deg",
-        "radian" => "rad",
-        "meter" | "metre" => "m",
-        "kilometer" | "kilometre" => "km",
-        "centimeter" | "centimetre" => "cm",
-        "millimeter" | "millimetre" => "mm",
-        "micron" | "micrometer" | "micrometre" => "um",
-        "nanometer" | "nanometre" => "nm",
-        "foot" | "feet" => "ft",
-        "second" | "sec" => "s",
-        "minute" => "min",
-        "hour" | "hr" => "h",
-        "percent" | "pct" => "%",
-        "celsiu" | "c" => "degC",
-        "kelvin" => "K",
-        "dobson" => "DU",
-        "pascal" => "Pa",
-        "millibar" | "mb" => "mbar",
-        "sterad" | "steradian" => "sr",
-        _ => return None,
-    };
-    unit(name, of).map(|unit| unit.name)
 }
 
 fn range_text(q: &Quantity, found: Option<&Unit>) -> String {

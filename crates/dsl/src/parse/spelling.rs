@@ -3,19 +3,19 @@
 use sunglint_radiometry::UNITS;
 
 /// Words that join the parts of a statement; no name and no unit.
-pub(super) const CONNECTIVES: &[&str] =
+pub(crate) const CONNECTIVES: &[&str] =
     &["at", "to", "from", "every", "within", "as", "like", "for", "else", "only", "sweep", "on", "off", "none"];
 
 /// The connectives after which a clause begins, so that an unknown word before one can only be a unit.
 pub(super) const PREPOSITIONS: &[&str] = &["at", "to", "from", "every", "within", "as", "like", "for", "else", "only"];
 
 /// Whether `word` is a unit of the language.
-pub(super) fn is_unit(word: &str) -> bool {
+pub(crate) fn is_unit(word: &str) -> bool {
     UNITS.iter().any(|unit| unit.name == word)
 }
 
 /// The unit that is meant by a usual spelling that the language does not have: `degrees`, `metres`, `KM`.
-pub(super) fn meant_unit(word: &str) -> Option<&'static str> {
+pub(crate) fn meant_unit(word: &str) -> Option<&'static str> {
     const USUAL: &[(&str, &[&str])] = &[
         ("deg", &["degree", "degrees", "degs"]),
         ("rad", &["radian", "radians", "rads"]),

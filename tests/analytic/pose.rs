@@ -1,0 +1,152 @@
+//! Posing a scene and weighing what it returns.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::path::Path;
+
+use sunglint::{Explanation, Frames, Options, Plan, Run};
+
+/// Relative tolerance where nothing is sampled. Frames keep `f32`, whose rounding is 6e-8.
+pub const EXACT: f64 = 1e-6;
+
+/// A scene of `tests/scenes` or `examples`, checked and planned.
+pub fn scene(path: &str, options: &Options) -> Plan {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
+    sunglint::open(path).and_then(|checked| Plan::new(checked, options)).unwrap_or_else(|refused| panic!("{refused}"))
+}
+
+/// A scene from its text, without the line `glint 1`.
+pub fn text(text: &str) -> Plan {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("posed.glint");
+    std::fs::write(&path, format!("glint 1\n{text}")).expect("the scene is written");
+    scene(&path.to_string_lossy(), &Options::default())
+}
+
+/// The run of an experiment, with the scene's only sensor.
+pub fn run<'a>(plan: &'a Plan, experiment: &str) -> &'a Run {
+    let found = plan.runs().iter().find(|run| run.experiment == experiment);
+    found.unwrap_or_else(|| panic!("the scene has an experiment `{experiment}`"))
+}
+
+/// A view straight down through a plane at height `z`: `nx` × `ny` pixels over `width` \[m\] about (`x`, `y`).
+pub fn map(name: &str, [x, y, z]: [f64; 3], width: f64, [nx, ny]: [u32; 2]) -> String {
+    let pose = format!("position ({x} {y} {z}) m, swath {width} m, pixels {nx} x {ny}");
+    format!("sensor {name} {{ projection orthographic, {pose}, band b 500..600 nm }}\n")
+}
+
+/// A pixel of an image: radiance and standard error.
+pub fn pixel(frames: &Frames, time: usize, channel: usize, index: usize) -> (f64, f64) {
+    let frame = &frames.frames[time];
+    (f64::from(frame.radiance[channel][index]), f64::from(frame.error[channel][index]))
+}
+
+/// All pixels of the first channel of a frame.
+pub fn pixels(frames: &Frames, time: usize) -> Vec<(f64, f64)> {
+    (0..frames.frames[time].radiance[0].len()).map(|i| pixel(frames, time, 0, i)).collect()
+}
+
+/// A term of `explain`, 0 where there is none.
+pub fn term(explanation: &Explanation, band: usize, name: &str) -> f64 {
+    let terms = &explanation.bands[band].terms;
+    terms.iter().find(|(known, _)| *known == name).map_or(0.0, |(_, value)| *value)
+}
+
+/// Holds pairs (found, expected) to [`EXACT`] and prints the largest relative deviation.
+pub fn assert_exact(claim: &str, pairs: impl IntoIterator<Item = (f64, f64)>) {
+    let (mut worst, mut n) = (0.0, 0);
+    for (found, expected) in pairs {
+        let deviation = if found == expected { 0.0 } else { ((found - expected) / expected).abs() };
+        assert!(deviation <= EXACT, "{claim}: found {found}, expected {expected} ({deviation:.2e} off)");
+        worst = f64::max(worst, deviation);
+        n += 1;
+    }
+    assert!(n > 0, "{claim}: nothing was compared");
+    println!("exact   {claim}: {n} values, largest relative deviation {worst:.1e}");
+}
+
+/// Holds triples (found, standard error, expected) to their standard errors and prints the largest deviation in them:
+/// one value to 4, many to the Šidák-corrected factor of the same false alarm, and their mean to 4. `bound` is what
+/// the closed form itself may be off, absolute. A value without standard error is held to [`EXACT`].
+pub fn assert_sampled(claim: &str, bound: f64, triples: impl IntoIterator<Item = (f64, f64, f64)>) {
+    let triples: Vec<(f64, f64, f64)> = triples.into_iter().collect();
+    let n = triples.iter().filter(|(_, s, _)| *s > 0.0).count();
+    assert!(n > 0, "{claim}: nothing was sampled");
+    let limit = student_limit(n);
+    let (mut worst, mut sum, mut squares) = (0.0, 0.0, 0.0);
+    for (found, s, expected) in &triples {
+        let off = ((found - expected).abs() - bound).max(0.0);
+        if *s == 0.0 {
+            assert!(off <= EXACT * expected.abs(), "{claim}: found {found} without an error, expected {expected}");
+            continue;
+        }
+        assert!(off <= limit * s, "{claim}: found {found} ± {s}, expected {expected}; {:.2} s allowed", limit);
+        worst = f64::max(worst, off / s);
+        sum += found - expected;
+        squares += s * s;
+    }
+    let pooled = (sum.abs() - bound * n as f64).max(0.0) / squares.sqrt();
+    assert!(pooled <= 4.0, "{claim}: the mean over {n} values is {pooled:.2} standard errors off");
+    let precision = squares.sqrt() / triples.iter().map(|(_, _, expected)| expected.abs()).sum::<f64>();
+    println!(
+        "sampled {claim}: {n} values, largest {worst:.2} s of {limit:.2} allowed, mean {pooled:.2} s, \
+         s of the mean {precision:.1e}"
+    );
+}
+
+/// How many standard errors of 16 replicates one of `n` values may be off, so that all of them together give as many false
+/// alarms as one value held to 4 (one in 860).
+pub fn student_limit(n: usize) -> f64 {
+    let one = 1.0 - inside(4.0);
+    let each = 1.0 - (1.0 - one).powf(1.0 / n as f64);
+    let (mut low, mut high) = (4.0, 1e3);
+    for _ in 0..100 {
+        let middle = 0.5 * (low + high);
+        if 1.0 - inside(middle) > each { low = middle } else { high = middle }
+    }
+    high
+}
+
+/// P(|T| ≤ t) of Student's t with 15 degrees of freedom [Abramowitz & Stegun 1964, 26.7.3].
+fn inside(t: f64) -> f64 {
+    let theta = (t / 15f64.sqrt()).atan();
+    let (s, c) = theta.sin_cos();
+    let (mut term, mut sum) = (c, 0.0);
+    for k in 0..7 {
+        sum += term;
+        let k = f64::from(k);
+        term *= (2.0 * k + 2.0) / (2.0 * k + 3.0) * c * c;
+    }
+    theta / FRAC_PI_2 + s * sum / FRAC_PI_2
+}
+
+/// Mean over a ≤ u ≤ b of the fraction of a uniform disk beyond a chord at offset u, (arccos u − u √(1−u²))/π; outside
+/// ±1 it is 1 and 0.
+pub fn beyond_chord(a: f64, b: f64) -> f64 {
+    let primitive = |u: f64| {
+        let v = u.clamp(-1.0, 1.0);
+        let w = 1.0 - v * v;
+        let inside = (v * v.acos() - w.sqrt() + w.powf(1.5) / 3.0) / PI;
+        inside + if u < -1.0 { u + 1.0 } else { 0.0 }
+    };
+    (primitive(b) - primitive(a)) / (b - a)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The tabulated two-sided 5 % point of Student's t with 15 degrees of freedom is 2.131.
+    #[test]
+    fn the_limits_are_those_of_student() {
+        assert!((inside(sunglint::radiometry::STUDENT_T_95) - 0.95).abs() < 1e-12);
+        assert!((student_limit(1) - 4.0).abs() < 1e-9 && student_limit(100) > 6.0);
+    }
+
+    #[test]
+    fn a_chord_through_the_middle_halves_the_disk() {
+        assert!((beyond_chord(-1.0, 1.0) - 0.5).abs() < 1e-15);
+        let eps = 1e-6;
+        assert!((beyond_chord(0.3 - eps, 0.3 + eps) - (0.3f64.acos() - 0.3 * 0.91f64.sqrt()) / PI).abs() < 1e-9);
+        assert!((beyond_chord(-3.0, -2.0) - 1.0).abs() < 1e-15 && beyond_chord(1.5, 2.0) == 0.0);
+    }
+}
