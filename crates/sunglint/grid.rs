@@ -105,7 +105,7 @@ mod tests {
     #[test]
     fn band_edges_are_bin_edges() {
         let bands = [(0.42, 0.52), (0.5, 0.58), (0.6, 0.75), (0.74, 1.0)]
-            .map(|(a, b)| Band::edges(&format!("b{a}"), a, b).expect("edges ascend"));
+            .map(|(a, b)| Band::edges(format!("b{a}"), a, b).expect("edges ascend"));
         let (bins, _) = bins(&bands, &[vec![0.4333, 0.4334, 0.7]], false);
         for edge in [0.42, 0.5, 0.52, 0.58, 0.6, 0.74, 0.75, 1.0, 0.4333] {
             assert!(bins.iter().any(|b| (b.lower - edge).abs() < 1e-9 || (b.upper - edge).abs() < 1e-9), "{edge}");

@@ -287,6 +287,9 @@ impl Planner<'_> {
         let (provisional, names) = grid::bins(bands, &corners, owned);
         let provisional = SpectralGrid::new(provisional, names);
         self.cover(&uses, bands);
+        if has_error(&self.diagnostics[before..]) {
+            return None;
+        }
         let provider = self.bind(&experiment.atmosphere, sunglint_atmosphere::BUILTIN, &provisional)?;
         let mut corners = corners;
         corners.push(provider.nodes());
@@ -358,21 +361,8 @@ impl Planner<'_> {
             Some(named) => self.scene.weathers.get(named),
             None => self.scene.weathers.iter().find(|weather| weather.name.is_none()),
         };
-        let mut weather = base.cloned().unwrap_or_default();
-        let Some(change) = &experiment.weather else { return weather };
-        macro_rules! replace {
-            ($($field:ident),*) => { $( if change.$field.is_some() { weather.$field = change.$field.clone(); } )* };
-        }
-        // What excludes a field goes when the field is replaced.
-        if change.visibility.is_some() || change.aod.is_some() {
-            (weather.visibility, weather.aod) = (None, None);
-        }
-        if change.humidity.is_some() || change.water.is_some() {
-            (weather.humidity, weather.water) = (None, None);
-        }
-        replace!(profile, visibility, aod, aerosol, pressure, temperature, humidity, water, ozone, no2);
-        weather.spans.extend(change.spans.iter().map(|(field, span)| (*field, *span)));
-        weather
+        let weather = base.cloned().unwrap_or_default();
+        experiment.weather.as_ref().map_or(weather.clone(), |over| weather.overridden(over))
     }
 
     /// The models that an experiment uses of materials (with their index).

@@ -406,7 +406,7 @@ fn series(lower: f64, upper: f64, every: f64, fwhm: f64, span: Span) -> Result<V
         .map(|i| {
             let centre = lower + i as f64 * every;
             let nm = (centre * 1e6).round() / 1e3;
-            Band::gaussian(&format!("nm{nm}"), centre, fwhm).map_err(|error| band_error(span, &error))
+            Band::gaussian(format!("nm{nm}"), centre, fwhm).map_err(|error| band_error(span, &error))
         })
         .collect()
 }

@@ -145,20 +145,27 @@ fn series(
     let start = midnight(date) - zone;
     let mut known: Option<SunEvents> = None;
     let mut clock = |clock: Clock| -> Result<f64, (&'static str, String)> {
-        let (event, offset, name, round): (fn(&SunEvents) -> Option<f64>, f64, &str, fn(f64) -> f64) = match clock {
-            Clock::Time(seconds) => return Ok(start + seconds),
-            Clock::Sunrise(offset) => (|e| e.sunrise, offset, "sunrise", f64::ceil),
-            Clock::Sunset(offset) => (|e| e.sunset, offset, "sunset", f64::floor),
-            Clock::SolarNoon(offset) => (|e| Some(e.solar_noon), offset, "solar noon", f64::round),
-        };
+        if let Clock::Time(seconds) = clock {
+            return Ok(start + seconds);
+        }
         let events = match known {
             Some(events) => events,
             None => *known.insert(events(site, date, zone).map_err(|message| ("T01", message))?),
         };
-        let day = event(&events).ok_or_else(|| ("T02", format!("there is no {name} at the site on {named}")))?;
+        let seconds = |day: f64| (day - 2_440_587.5) * DAY;
+        let (day, offset, name) = match clock {
+            Clock::Sunrise(offset) => (events.sunrise, offset, "sunrise"),
+            Clock::Sunset(offset) => (events.sunset, offset, "sunset"),
+            Clock::SolarNoon(offset) | Clock::Time(offset) => (Some(events.solar_noon), offset, "solar noon"),
+        };
+        let minutes = seconds(day.ok_or_else(|| ("T02", format!("there is no {name} at the site on {named}")))?) / 60.0;
         // Sunrise rounds up and sunset down to the minute, so that the sun is up at both.
-        let seconds = (day - 2_440_587.5) * DAY;
-        Ok(round(seconds / 60.0) * 60.0 + offset)
+        let whole = match clock {
+            Clock::Sunrise(_) => minutes.ceil(),
+            Clock::Sunset(_) => minutes.floor(),
+            Clock::SolarNoon(_) | Clock::Time(_) => minutes.round(),
+        };
+        Ok(whole * 60.0 + offset)
     };
     let first = clock(from)?;
     let last = to.map(&mut clock).transpose()?.unwrap_or(first);

@@ -64,21 +64,34 @@ pub fn assert_exact(claim: &str, pairs: impl IntoIterator<Item = (f64, f64)>) {
     println!("exact   {claim}: {n} values, largest relative deviation {worst:.1e}");
 }
 
+/// What a comparison with samples allows beside the standard error, absolute.
+#[derive(Clone, Copy, Default)]
+pub struct Slack {
+    /// What the closed form itself may be off.
+    pub bound: f64,
+    /// What one sample weighs: the least error that replicates which count samples can tell. Where all 16 count the same
+    /// they state none.
+    pub grain: f64,
+}
+
+/// Mean of an image's pixels with its standard error.
+pub fn whole(pixels: &[(f64, f64)]) -> (f64, f64) {
+    let n = pixels.len() as f64;
+    (pixels.iter().map(|p| p.0).sum::<f64>() / n, pixels.iter().map(|p| p.1 * p.1).sum::<f64>().sqrt() / n)
+}
+
 /// Holds triples (found, standard error, expected) to their standard errors and prints the largest deviation in them:
-/// one value to 4, many to the Šidák-corrected factor of the same false alarm, and their mean to 4. `bound` is what
-/// the closed form itself may be off, absolute. A value without standard error is held to [`EXACT`].
-pub fn assert_sampled(claim: &str, bound: f64, triples: impl IntoIterator<Item = (f64, f64, f64)>) {
-    let triples: Vec<(f64, f64, f64)> = triples.into_iter().collect();
-    let n = triples.iter().filter(|(_, s, _)| *s > 0.0).count();
+/// one value to 4, many to the Šidák-corrected factor of the same false alarm, and their mean to 4.
+pub fn assert_sampled(claim: &str, slack: Slack, triples: impl IntoIterator<Item = (f64, f64, f64)>) {
+    let Slack { bound, grain } = slack;
+    let triples: Vec<(f64, f64, f64)> = triples.into_iter().map(|(l, s, e)| (l, f64::max(s, grain), e)).collect();
+    let n = triples.len();
     assert!(n > 0, "{claim}: nothing was sampled");
     let limit = student_limit(n);
     let (mut worst, mut sum, mut squares) = (0.0, 0.0, 0.0);
     for (found, s, expected) in &triples {
         let off = ((found - expected).abs() - bound).max(0.0);
-        if *s == 0.0 {
-            assert!(off <= EXACT * expected.abs(), "{claim}: found {found} without an error, expected {expected}");
-            continue;
-        }
+        assert!(*s > 0.0, "{claim}: {found} has no error");
         assert!(off <= limit * s, "{claim}: found {found} ± {s}, expected {expected}; {:.2} s allowed", limit);
         worst = f64::max(worst, off / s);
         sum += found - expected;

@@ -56,7 +56,6 @@ pub fn check(
         in_experiment: false,
         opening: true,
         ground_height: None,
-        ground_said: false,
         placements: 0,
         meshes: HashMap::new(),
         files: HashMap::new(),
@@ -119,7 +118,6 @@ struct Checker<'a> {
     /// Whether files are opened: not for what nothing uses.
     opening: bool,
     ground_height: Option<f64>,
-    ground_said: bool,
     placements: usize,
     /// The items that name the files of meshes, by their place.
     meshes: HashMap<Span, &'a Item>,
@@ -250,7 +248,6 @@ impl<'a> Checker<'a> {
             self.report(fault.help("a scene needs `sensor NAME { position, look_at, field_of_view, pixels, band }`"));
         }
 
-        self.ground_said = top.said("ground");
         let ground = self.ground(&top);
         let mut world = self.shapes(&top, Scope::World);
         let mut objects: Vec<_> = (top.all("object"))

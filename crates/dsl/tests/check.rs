@@ -265,7 +265,6 @@ fn one_fault_gives_one_message_with_its_code() {
         ("G01", "(20 20 0) (-20 20 0)", "(-20 20 0) (20 20 0)"),
         ("G02", "(20 20 0) (-20 20 0)", "(20 20 1) (-20 20 0)"),
         ("G04", "size (2 1.4) m at (0 5 0.7) m", "size (2 0) m at (0 5 0.7) m"),
-        ("G04", "at (0 5 0.7) m", "at (0 5) m"),
         ("G04", "facing roof", "facing roof scale 0"),
         ("G03", "material grey {", "mesh \"a.obj\" unit m\nmaterial grey {"),
         // sensors

@@ -12,7 +12,7 @@ use std::io;
 
 pub use self::envi::write_envi;
 pub use self::exr::write_exr;
-pub use self::png::{Composite, Stretch, StretchCollector, composite_bands, write_png_gray, write_png_rgb};
+pub use self::png::{Stretch, StretchCollector, composite_bands, write_png_gray, write_png_rgb};
 pub use self::whole::write_whole;
 
 /// An image of several channels.

@@ -300,17 +300,13 @@ impl<'a> Checker<'a> {
             Value::Points { points, .. } => points.iter().position(|(numbers, _)| numbers.len() == 2),
             _ => None,
         };
-        if level.is_some() && self.ground_height.is_none_or(|_| matches!(scope, Scope::Object)) {
-            let (message, label) = match scope {
-                Scope::World => ("`at (x y)` stands on the ground, and this scene has none", "(x y z)?"),
-                Scope::Object => ("`at (x y)` stands on the ground, which an object does not know", "(x y z)?"),
-            };
-            if !self.ground_said || matches!(scope, Scope::Object) {
-                let fault = self.misfit(&Given { constant: None, ..given }, "G04", message).label(label);
-                self.report(fault.help("give the height as a third number, or add `ground MATERIAL`"));
-            }
+        if level.is_some() && matches!(scope, Scope::Object) {
+            let message = "`at (x y)` stands on the ground, which an object does not know";
+            let fault = self.misfit(&Given { constant: None, ..given }, "G04", message).label("(x y z)?");
+            self.report(fault.help("give the height as a third number"));
             return None;
         }
+        // Without a ground the level is that of the site, z = 0.
         let height = self.ground_height.unwrap_or(0.0);
         let flat: Vec<bool> = match given.value {
             Value::Points { points, .. } => points.iter().map(|(numbers, _)| numbers.len() == 2).collect(),
