@@ -1,8 +1,9 @@
 //! Closed forms posed as scenes, through the whole path: text, check, plan, rays, light, channels.
 //!
-//! Where nothing is sampled the tolerance is 1e-6 relative: everything is computed in `f64`, frames keep `f32` (6e-8), and the
-//! quadrature over a tilted facet's sky converges to 1e-7. Where rays are sampled it is 4 standard errors, as the frames
-//! themselves state them. `cargo test --release --test analytic -- --nocapture` prints the deviations.
+//! Where nothing is sampled the tolerance is 1e-6 relative: everything is computed in `f64`, frames keep `f32`
+//! (6e-8), and the quadrature over a tilted facet's sky converges to 1e-7. Where rays are sampled it is 4 standard
+//! errors, as the frames themselves state them. `cargo test --release --test analytic -- --nocapture` prints the
+//! deviations.
 
 #[path = "analytic/pose.rs"]
 mod pose;
@@ -17,8 +18,8 @@ use sunglint::radiometry::{STUDENT_T_95, WorldDir};
 use sunglint::tracer::tiles;
 use sunglint::{Frames, Options, Plan, Run, explain};
 
-/// Angular radius of the sun's disk at 1 au \[rad\]: the nominal solar radius [IAU 2015, resolution B3] over an astronomical
-/// unit.
+/// Angular radius of the sun's disk at 1 au \[rad\]: the nominal solar radius [IAU 2015, resolution B3] over an
+/// astronomical unit.
 fn sun_radius() -> f64 {
     695_700.0 / 149_597_870.7
 }
@@ -96,10 +97,10 @@ fn tilted(beta: f64, more: &str) -> Plan {
     ))
 }
 
-/// Panels tilted by β under the overcast law L = L₀ (1 + 2 cos θ)/3 and under a uniform sky, nothing below the horizon:
-/// L = ρ E/π with E = (L₀/3) {π (1+cos β)/2 + (4/3) [sin β + (π − β) cos β]} and π L₀ (1+cos β)/2. `sky isotropic` takes
-/// the mean sky, 7/9 L₀, behind F = (1+cos β)/2. Where something rises above the panel's plane (here a square millimetre
-/// a kilometre away, which hides 1e-12 sr) the same comes from rays over the hemisphere.
+/// Panels tilted by β under the overcast law L = L₀ (1 + 2 cos θ)/3 and under a uniform sky, nothing below the
+/// horizon: L = ρ E/π with E = (L₀/3) {π (1+cos β)/2 + (4/3) [sin β + (π − β) cos β]} and π L₀ (1+cos β)/2. `sky
+/// isotropic` takes the mean sky, 7/9 L₀, behind F = (1+cos β)/2. Where something rises above the panel's plane (here
+/// a square millimetre a kilometre away, which hides 1e-12 sr) the same comes from rays over the hemisphere.
 #[test]
 fn a_tilted_panel_sees_the_closed_forms_of_an_overcast_and_of_a_uniform_sky() {
     let (l_0, rho) = (90.0, 0.5);
@@ -147,19 +148,20 @@ fn a_tilted_panel_sees_the_closed_forms_of_an_overcast_and_of_a_uniform_sky() {
             let frames = run.render();
             assert!(frames.rays.hemisphere >= 16 * 1024);
             let seen = pixels(&frames, 0).into_iter();
-            sampled[k].extend(seen.map(|(l, s)| (l, s, expected[k])).filter(|(_, s, _)| *s > 0.0));
+            sampled[k].extend(seen.map(|(l, s)| (l, s, expected[k])));
         }
     }
     for ((claim, pairs), triples) in by_claim.into_iter().zip(sampled) {
         // The quadrature's own error is 1e-7 of L₀, whatever is left of the sky: compare against that scale.
         assert_exact(&format!("tilted panel, {claim}"), pairs.into_iter().map(|(l, e)| (l + rho * l_0, e + rho * l_0)));
-        assert_sampled(&format!("tilted panel, {claim}"), Slack::default(), triples);
+        let slack = Slack { bound: 0.0, grain: rho * l_0 / 1024.0 };
+        assert_sampled(&format!("tilted panel, {claim}"), slack, triples);
     }
     assert_exact("tilted panel, sky view factor", view_factors);
 }
 
-/// Level soil of albedo ρ_g under a uniform sky fills the panel's lower part with ρ_g L₀ F′, where F′ is the panel's own F
-/// as published, and 1 once `background_sky own` takes the soil's (here by slope, so that no ray is thrown).
+/// Level soil of albedo ρ_g under a uniform sky fills the panel's lower part with ρ_g L₀ F′, where F′ is the panel's
+/// own F as published, and 1 once `background_sky own` takes the soil's (here by slope, so that no ray is thrown).
 #[test]
 fn a_tilted_panel_over_soil_sees_the_soil_below_the_horizon() {
     let (l_0, rho, soil) = (90.0, 0.5, 0.3);
@@ -189,8 +191,8 @@ fn a_tilted_panel_over_soil_sees_the_soil_below_the_horizon() {
 
 // ---- view factors
 
-/// A trench 1 m wide, `h` deep and 200 m long, open to the west–east sky by its width alone, with views of its floor and of
-/// its eastern wall over their whole depth.
+/// A trench 1 m wide, `h` deep and 200 m long, open to the west–east sky by its width alone, with views of its floor
+/// and of its eastern wall over their whole depth.
 fn trench(h: f64, wall: &str, experiments: &str) -> Plan {
     text(&format!(
         "collect {{ sun none }}
@@ -211,9 +213,9 @@ fn trench(h: f64, wall: &str, experiments: &str) -> Plan {
     ))
 }
 
-/// The sky seen from a long trench, by crossed strings: over the floor √(1+H²) − H, over a wall (1 + H − √(1+H²))/(2H), H
-/// the depth in widths, and over every column of the floor or row of the wall in between. The strip that the 200 m leave open
-/// at each end holds 2 H²/(π 100³) of a hemisphere, less than 6e-6 of what is expected.
+/// The sky seen from a long trench, by crossed strings: over the floor √(1+H²) − H, over a wall (1 + H −
+/// √(1+H²))/(2H), H the depth in widths, and over every column of the floor or row of the wall in between. The strips
+/// that the 200 m leave open at their ends hold 2 H²/(π 100³) of a hemisphere, less than 1.4e-5 of what is expected.
 #[test]
 fn a_trench_shows_its_floor_and_walls_the_crossed_strings_share_of_the_sky() {
     let (l_0, rho) = (100.0, 0.5);
@@ -266,8 +268,8 @@ fn a_trench_shows_its_floor_and_walls_the_crossed_strings_share_of_the_sky() {
     }
 }
 
-/// Glowing walls under a black sky light the floor with ρ (1 − F) L_e, whether one background point stands for all hits or
-/// each for itself, with one ray a sample or four.
+/// Glowing walls under a black sky light the floor with ρ (1 − F) L_e, whether one background point stands for all
+/// hits or each for itself, with one ray a sample or four.
 #[test]
 fn the_walls_of_a_trench_light_its_floor_with_what_the_sky_does_not_hold() {
     let (l_e, rho, h) = (40.0, 0.5, 1.0f64);
@@ -292,8 +294,8 @@ fn the_walls_of_a_trench_light_its_floor_with_what_the_sky_does_not_hold() {
     }
 }
 
-/// Hottel's view factors between unit squares: facing each other at distance 1 (0.199825), and perpendicular with an edge in
-/// common (0.200044). One glows, the other, seen from between them, returns ρ F L_e on the mean.
+/// Hottel's view factors between unit squares: facing each other at distance 1 (0.199825), and perpendicular with an
+/// edge in common (0.200044). One glows, the other, seen from between them, returns ρ F L_e on the mean.
 #[test]
 fn unit_squares_exchange_the_catalogued_view_factors() {
     let (l_e, rho) = (100.0, 0.8);
@@ -326,10 +328,10 @@ fn unit_squares_exchange_the_catalogued_view_factors() {
 
 // ---- the sun's disk
 
-/// A straight edge h above level ground hides from a point at x the part of the sun's disk beyond a chord, (arccos u − u √(1−u²))/π
-/// with u = x cos θ/(h sin r) across the edge: pixel by pixel through the penumbra, with the sun overhead and with the sun at
-/// 30° along the edge. The chord's turn over a slanted ray and the change of cos θ over the disk come to 2e-5 of the full
-/// irradiance. A point sun draws a step.
+/// A straight edge h above level ground hides from a point at x the part of the sun's disk beyond a chord, (arccos u
+/// − u √(1−u²))/π with u = x cos θ/(h sin r) across the edge: pixel by pixel through the penumbra, with the sun
+/// overhead and with the sun at 30° along the edge. The chord's turn over a slanted ray and the change of cos θ over
+/// the disk come to 2e-5 of the full irradiance. A point sun draws a step.
 #[test]
 fn the_penumbra_of_a_straight_edge_is_a_segment_of_the_disk() {
     let (e_0, rho, h, n) = (1500.0, 0.4, 100.0, 48);
@@ -386,8 +388,8 @@ fn sun_mirror(material: &str, field_of_view: f64, experiments: &str) -> Plan {
     ))
 }
 
-/// What a pixel of a mirror's image looks into: angles between the reflected ray and the sun, the least and largest over its
-/// corners, and its solid angle.
+/// What a pixel of a mirror's image looks into: angles between the reflected ray and the sun, the least and largest
+/// over its corners, and its solid angle.
 fn reflected(run: &Run, i: usize) -> (f64, f64, f64) {
     let sun = run.light[0].sun.expect("a sun");
     let (x, y) = ((i % 48) as f64, (i / 48) as f64);
@@ -399,8 +401,8 @@ fn reflected(run: &Run, i: usize) -> (f64, f64, f64) {
     (low, high, 0.5 * ((c - a).cross(d - b)).length())
 }
 
-/// Holds an image of the sun to a level inside an angle about the mirrored sun, to 0 outside another, and its integral over
-/// solid angle to a total.
+/// Holds an image of the sun to a level inside an angle about the mirrored sun, to 0 outside another, and its
+/// integral over solid angle to a total.
 fn assert_glint(claim: &str, run: &Run, inside: (f64, f64), outside: f64, total: f64, bound: f64) {
     let seen = pixels(&run.render(), 0);
     let mut pairs = Vec::new();
@@ -427,8 +429,8 @@ fn assert_glint(claim: &str, run: &Run, inside: (f64, f64), outside: f64, total:
 }
 
 /// In the pixels of a mirror that see the sun's disk L = ρ E_n/Ω_sun, elsewhere what the black sky sends; the image
-/// integrates to ρ E_n over the disk's solid angle, which is 1/cos²(r/2) of Ω_sun. As printed, eq. 4.1 shows R_s E cos θ_s/π in the
-/// disk, and eq. 3.11, without a test of the mirror direction, ρ E cos θ_s/π everywhere.
+/// integrates to ρ E_n over the disk's solid angle, which is 1/cos²(r/2) of Ω_sun. As printed, eq. 4.1 shows R_s E
+/// cos θ_s/π in the disk, and eq. 3.11, without a test of the mirror direction, ρ E cos θ_s/π everywhere.
 #[test]
 fn the_sun_in_a_mirror_has_the_radiance_of_the_sun() {
     let plan = sun_mirror(
@@ -452,9 +454,9 @@ fn the_sun_in_a_mirror_has_the_radiance_of_the_sun() {
     assert_exact("sun in a mirror, eq. 3.11", pixels(&frames, 0).into_iter().map(|(l, _)| (l, lambert)));
 }
 
-/// A specular lobe of 1 msr, 15 times the sun's disk. As published it returns ρ E_n/Ω_s wherever the sun's centre lies in it;
-/// conserving, the lobe's overlap with the disk. Both integrate to ρ E_n; the disk's solid angle is 1/cos²(r/2) of Ω_sun, and the
-/// flat lens at the lobe's rim errs by (a + r)²/8 = 6e-5 at most.
+/// A specular lobe of 1 msr, 15 times the sun's disk. As published it returns ρ E_n/Ω_s wherever the sun's centre
+/// lies in it; conserving, the lobe's overlap with the disk. Both integrate to ρ E_n; the disk's solid angle is
+/// 1/cos²(r/2) of Ω_sun, and the flat lens at the lobe's rim errs by (a + r)²/8 = 6e-5 at most.
 #[test]
 fn a_wide_glint_conserves_the_sun_it_reflects() {
     let plan = sun_mirror(
@@ -476,8 +478,8 @@ fn a_wide_glint_conserves_the_sun_it_reflects() {
     );
 }
 
-/// The lobe of a `split` material that names no solid angle is a mirror on every day of the year: in June, with the disk smaller
-/// than at 1 au, the sun in it still has the sun's own radiance, as in a mirror of `ideal`.
+/// The lobe of a `split` material that names no solid angle is a mirror on every day of the year: in July, with the
+/// disk smaller than at 1 au, the sun in it still has the sun's own radiance, as in a mirror of `ideal`.
 #[test]
 fn a_lobe_no_wider_than_the_disk_is_a_mirror_at_aphelion_too() {
     let plan = text(
@@ -546,8 +548,8 @@ fn room(white: &str, hole: bool, more: &str) -> Plan {
     ))
 }
 
-/// In a white room light enters by a small hole alone and is reflected some 90 times; walls that are diffuse, and walls that are
-/// partly mirrors, under a sky that is taken as its mean or direction by direction.
+/// In a white room light enters by a small hole alone and is reflected some 90 times; walls that are diffuse, and
+/// walls that are partly mirrors, under a sky that is taken as its mean or direction by direction.
 #[test]
 fn a_white_room_with_a_hole_is_a_furnace_too() {
     let whites = [
@@ -578,14 +580,15 @@ fn a_white_room_with_a_hole_is_a_furnace_too() {
     }
 }
 
-/// In a closed room whose walls all glow with L_e and reflect ρ, L = L_e (1 + ρ + ρ² + …) everywhere, whatever its shape: the
-/// partial sum for any depth, and L_e/(1 − ρ) without a limit, where Russian roulette ends the paths.
+/// In a closed room whose walls all glow with L_e and reflect ρ, L = L_e (1 + ρ + ρ² + …) everywhere, whatever its
+/// shape: the partial sum for any depth, and L_e/(1 − ρ) without a limit, where Russian roulette ends the paths.
 #[test]
 fn a_closed_glowing_room_sums_the_geometric_series() {
     let (l_e, rho) = (10.0, 0.7f64);
     let depths = [1, 2, 3, 8, 20];
     let mut more = "atmosphere none { solar_irradiance 0 W/m2/um }
-        experiment unlimited { algorithm split { depth unlimited }, samples 1024 }\n"
+        experiment unlimited { algorithm split { depth unlimited }, samples 1024 }
+        experiment ideal { algorithm ideal { depth unlimited }, samples 1024 }\n"
         .to_string();
     for depth in depths {
         writeln!(more, "experiment depth_{depth} {{ algorithm split {{ depth {depth} }}, samples 16 }}")
@@ -597,16 +600,16 @@ fn a_closed_glowing_room_sums_the_geometric_series() {
         let seen = pixels(&run(&plan, &format!("depth_{depth}")).render(), 0);
         assert_exact(&format!("glowing room, depth {depth}"), seen.into_iter().map(|(l, _)| (l, expected)));
     }
-    let seen = pixels(&run(&plan, "unlimited").render(), 0);
-    assert_sampled(
-        "glowing room, depth unlimited",
-        Slack::default(),
-        seen.into_iter().map(|(l, s)| (l, s, l_e / (1.0 - rho))),
-    );
+    for name in ["unlimited", "ideal"] {
+        let seen = pixels(&run(&plan, name).render(), 0);
+        let triples = seen.into_iter().map(|(l, s)| (l, s, l_e / (1.0 - rho)));
+        assert_sampled(&format!("glowing room, {name}"), Slack::default(), triples);
+    }
 }
 
-/// Between two plates 1 m apart and 10⁵ m wide, of which the second glows with M₂, the first has B₁ = ρ₁ M₂/(1 − ρ₁ρ₂). 4e-10 of
-/// each reflection leaves by the rim. A path of limited depth holds the terms of the series that it reaches.
+/// Between two plates 1 m apart and 10⁵ m wide, of which the second glows with M₂, the first has B₁ = ρ₁ M₂/(1 −
+/// ρ₁ρ₂). 4e-10 of each reflection leaves by the rim. A path of limited depth holds the terms of the series that it
+/// reaches.
 #[test]
 fn two_wide_plates_exchange_the_series_of_their_reflections() {
     let (l_e, rho_1, rho_2) = (30.0, 0.8, 0.7f64);
@@ -653,8 +656,8 @@ impl Lines {
     }
 }
 
-/// Mean over a band of a product of chains: three Gauss nodes between neighbouring corners are exact up to the fifth power of
-/// wavelength.
+/// Mean over a band of a product of chains: three Gauss nodes between neighbouring corners are exact up to the fifth
+/// power of wavelength.
 fn mean_of_product(factors: &[&Lines], (lower, upper): (f64, f64)) -> f64 {
     let mut cuts: Vec<f64> = factors.iter().flat_map(|f| f.0.iter().map(|row| row.0)).collect();
     cuts.extend([lower, upper]);
@@ -669,9 +672,9 @@ fn mean_of_product(factors: &[&Lines], (lower, upper): (f64, f64)) -> f64 {
     cuts.windows(2).map(|w| piece(w[0], w[1])).sum::<f64>() / (upper - lower)
 }
 
-/// Two overlapping bands and a narrow one whose edges are corners: the band mean of E_s τ₁ ρ τ₂, four chains of straight lines with
-/// corners at different wavelengths, is its exact integral. Where a reflectance is given per band each band has its own, in the
-/// overlap too. `spectral band` multiplies means instead.
+/// Two overlapping bands and a narrow one whose edges are corners: the band mean of E_s τ₁ ρ τ₂, four chains of
+/// straight lines with corners at different wavelengths, is its exact integral. Where a reflectance is given per band
+/// each band has its own, in the overlap too. `spectral band` multiplies means instead.
 #[test]
 fn band_radiance_is_the_exact_integral_of_the_product_of_straight_lines() {
     let chain = |rows: &[(f64, f64)]| Lines(rows.to_vec());
@@ -747,8 +750,9 @@ fn assert_terms(claim: &str, plan: &Plan, experiment: &str, sensor: &str, expect
     assert_exact(&format!("{claim}, {sensor}"), pairs);
 }
 
-/// Every term of eqs. 3.10, 3.11 and 4.1 as printed, and of their consistent reading, for a panel over soil with the sky, the
-/// sun's centre and the soil in the mirror direction. R_s is a BRF, the height of a peak over Ω_s, or a reflectance.
+/// Every term of eqs. 3.10, 3.11 and 4.1 as printed, and of their consistent reading, for a panel over soil with the
+/// sky, the sun's centre and the soil in the mirror direction. R_s is a BRF, the height of a peak over Ω_s, or a
+/// reflectance.
 #[test]
 fn every_term_of_the_published_equations_is_what_the_hand_computes() {
     let plan = scene("tests/scenes/two_facets.glint", &Options { times: vec![], ..Options::default() });
@@ -765,7 +769,13 @@ fn every_term_of_the_published_equations_is_what_the_hand_computes() {
 
         // eq. 3.10: R(0°) as printed, R(θ_v) corrected; the background at 30°.
         for (name, r) in [("matt_published", 0.60), ("matt_corrected", line(0.60, 0.15, view))] {
-            assert_terms("eq. 3.10", &plan, name, sensor, join(diffuse(r, background(f, 30.0)), [0.0; 3]));
+            assert_terms(
+                &format!("eq. 3.10, {name}"),
+                &plan,
+                name,
+                sensor,
+                join(diffuse(r, background(f, 30.0)), [0.0; 3]),
+            );
         }
         // eq. 3.11: no mirror test for the sun and no sky on the background as printed.
         let r = line(0.30, 0.75, view);
@@ -774,8 +784,8 @@ fn every_term_of_the_published_equations_is_what_the_hand_computes() {
         let corrected = [if sun { r * e / omega_sun() } else { 0.0 }, r * sky, r * bounce(f)];
         assert_terms("eq. 3.11 corrected", &plan, "shiny_corrected", sensor, join([0.0; 3], corrected));
 
-        // eq. 4.1. Rows of the peak's table lie at the view angles; the diffuse part averages R_b(θ_bt) over what it sees, so
-        // its background is held where R_b is fixed, and the rest here.
+        // eq. 4.1. Rows of the peak's table lie at the view angles; the diffuse part averages R_b(θ_bt) over what it
+        // sees, so its background is held where R_b is fixed, and the rest here.
         let (r_d, peak) = match sensor {
             "sky" => (0.48, 28.0),
             "sun" => (0.46, 26.0),
@@ -825,12 +835,17 @@ fn every_term_of_the_published_equations_is_what_the_hand_computes() {
         };
         let wide = plain[0] / (0.5 * sun_radius()).cos().powi(2);
         share("conserving", join(diffuse(r_d, 0.0), [wide, plain[1], plain[2]]));
+        // Lifted alone, on the equations as printed, the glint takes ρ_s of the lobe; sky and soil keep the printed
+        // R_s.
+        share("printed_conserving", join(diffuse(r_d, 0.0), [wide, peak * sky, peak * bounce(f)]));
+        let mirrored = [corrected[0], printed[1], printed[2]];
+        assert_terms("eq. 3.11, glint conserving", &plan, "shiny_conserving", sensor, join([0.0; 3], mirrored));
         share("own", join(diffuse(r_d, 0.0), [plain[0], plain[1], rho_s * bounce(1.0)]));
         // Level soil sees no third surface.
         share("depth_3", join(diffuse(r_d, 0.0), plain));
 
-        // The sky behind F by direction: the overcast law on the tilted panel and in the mirror; for the soil the panel's own
-        // part of the sky (F of the target), or all of it, 7π/9 L₀.
+        // The sky behind F by direction: the overcast law on the tilted panel and in the mirror; for the soil the
+        // panel's own part of the sky (F of the target), or all of it, 7π/9 L₀.
         let (l_0, b) = (90.0, 60f64.to_radians());
         let tilted = l_0 * (PI * f + 4.0 / 3.0 * (b.sin() + (PI - b) * b.cos())) / (3.0 * PI);
         let overcast = if below { 0.0 } else { l_0 * (1.0 + 2.0 * mirror.to_radians().cos()) / 3.0 };
@@ -843,8 +858,8 @@ fn every_term_of_the_published_equations_is_what_the_hand_computes() {
     }
 }
 
-/// The quantities that `explain` lists beside the terms are those of the scene: E_s, τ₁, L_dsky, F, I, R_d and ρ_s at the view
-/// angle, and what stands in the mirror direction.
+/// The quantities that `explain` lists beside the terms are those of the scene: E_s, τ₁, L_dsky, F, I, R_d and ρ_s at
+/// the view angle, and what stands in the mirror direction.
 #[test]
 fn explain_lists_the_quantities_of_the_equations() {
     let plan = scene("tests/scenes/two_facets.glint", &Options::default());
@@ -892,9 +907,9 @@ fn a_panel_turned_from_the_sun_still_mirrors_soil_in_the_sun() {
     }
 }
 
-/// Seen at its actual angle the soil reflects the mean of R_b(θ_bt) over what the panel sees below the horizon, weighted by the
-/// cosine on the panel. θ from the nadir has the density sin θ [sin β sin θ sin φ₀ − φ₀ cos β cos θ], cos φ₀ = cot β cot θ; for
-/// an upright panel the mean angle is π/4 + 1/π.
+/// Seen at its actual angle the soil reflects the mean of R_b(θ_bt) over what the panel sees below the horizon,
+/// weighted by the cosine on the panel. θ from the nadir has the density sin θ [sin β sin θ sin φ₀ − φ₀ cos β cos θ],
+/// cos φ₀ = cot β cot θ; for an upright panel the mean angle is π/4 + 1/π.
 #[test]
 fn the_background_at_its_actual_angle_is_the_mean_over_the_lune_below_the_horizon() {
     let mean_angle = |beta: f64| {
@@ -913,21 +928,26 @@ fn the_background_at_its_actual_angle_is_the_mean_over_the_lune_below_the_horizo
     };
     assert!((mean_angle(0.5 * PI) - (0.25 * PI + 1.0 / PI)).abs() < 1e-9);
     let plan = scene("tests/scenes/two_facets.glint", &Options::default());
-    let run = plan.run("actual", "sky").expect("a run");
     let mean_soil = soil(mean_angle(60f64.to_radians()).to_degrees());
     let (e, f, r_d) = (900.0, 0.75, 0.48);
     let rho_s = 28.0 * 0.020 * 10f64.to_radians().cos() / PI;
     let others = r_d * (e * 20f64.to_radians().cos() / PI + f * 110.0) + rho_s * line(80.0, 140.0, 50.0);
     let background = r_d * (1.0 - f) * (e * 40f64.to_radians().cos() / PI + f * 110.0) * mean_soil;
-    let expected = 0.8 * (others + background) + 7.0;
-    let seen = pixels(&run.render(), 0);
-    assert_sampled("background at its actual angle", Slack::default(), seen.into_iter().map(|(l, s)| (l, s, expected)));
+    // `ideal` on a matt panel, and `split` with a peak beside its diffuse part.
+    let r = line(0.60, 0.15, 10.0);
+    let matt = r * (e * 20f64.to_radians().cos() / PI + f * 110.0) + r / r_d * background;
+    for (name, leaving) in [("actual", others + background), ("matt_actual", matt)] {
+        let expected = 0.8 * leaving + 7.0;
+        let seen = pixels(&plan.run(name, "sky").expect("a run").render(), 0);
+        let triples = seen.into_iter().map(|(l, s)| (l, s, expected));
+        assert_sampled(&format!("background at its actual angle, {name}"), Slack::default(), triples);
+    }
 }
 
 // ---- mirrors, and rays that are not cast
 
-/// A level mirror shows a wall in two greys, both seen in the panel: ρ ρ_w (E cos θ_b/π + ½ L_sky) by day and ρ ρ_w ½ L_sky
-/// by night, the wall's own half of the sky taken by slope, or found by rays.
+/// A level mirror shows a wall in two greys, both seen in the panel: ρ ρ_w (E cos θ_b/π + ½ L_sky) at noon and ρ ρ_w
+/// ½ L_sky at midnight, the wall's own half of the sky taken by slope, or found by rays.
 #[test]
 fn a_mirror_shows_both_greys_of_a_wall() {
     let plan = scene("tests/scenes/two_tone_wall.glint", &Options::default());
@@ -956,7 +976,7 @@ fn a_mirror_shows_both_greys_of_a_wall() {
         assert!(greys.iter().all(|n| *n > 100), "{greys:?}");
         for (time, sunlit) in [beam, 0.0].into_iter().enumerate() {
             let expected = |grey: f64| rho * grey * (sunlit + 0.5 * l_sky);
-            let claim = format!("two greys in a mirror, {name}, {}", if time == 0 { "day" } else { "night" });
+            let claim = format!("two greys in a mirror, {name}, {}", if time == 0 { "noon" } else { "midnight" });
             if name == "rays" {
                 let triples = whole.iter().map(|(i, grey)| (pixel(&frames, time, 0, *i), expected(*grey)));
                 let slack = Slack { bound: 0.0, grain: rho * 0.6 * l_sky / 1024.0 };
@@ -968,11 +988,12 @@ fn a_mirror_shows_both_greys_of_a_wall() {
     }
 }
 
-/// A mirror at 45° shows another at 45° that shows the sky behind: ρ² L(60°) of the overcast law, if the background reflects
-/// with all its lobes; else a mirror in a mirror is black.
+/// A mirror at 45° shows another at 45° that shows the sky behind: ρ² L(60°) of the overcast law, if the background
+/// reflects with all its lobes; else a mirror in a mirror is black.
 #[test]
 fn a_mirror_in_a_mirror_shows_the_sky_once_more() {
-    // Sight: straight down onto a mirror that turns it north, level; the second, 5 m on, turns it up by 30° from the zenith.
+    // Sight: straight down onto a mirror that turns it north, level; the second, 5 m on, turns it up by 30° from the
+    // zenith.
     let plan = text(&format!(
         "collect {{ sun none }}
         atmosphere none {{ solar_irradiance 0 W/m2/um, sky_radiance 90 W/m2/sr/um, sky overcast }}
@@ -997,8 +1018,8 @@ fn a_mirror_in_a_mirror_shows_the_sky_once_more() {
     }
 }
 
-/// Rays that cannot matter are not cast: no mirror ray from a surface without R_s, no ray to a sun that is down, none over the
-/// hemisphere of a facet above whose plane nothing rises, and none to a sun that is proved to be seen.
+/// Rays that cannot matter are not cast: no mirror ray from a surface without R_s, no ray to a sun that is down, none
+/// over the hemisphere of a facet above whose plane nothing rises, and none to a sun that is proved to be seen.
 #[test]
 fn rays_that_cannot_matter_are_not_cast() {
     let facets = "material grey { ideal { diffuse 0.3 } }
@@ -1025,18 +1046,16 @@ fn rays_that_cannot_matter_are_not_cast() {
     // Something rises above the plane: now the hemisphere and the sun have to be asked.
     let built = rays(&format!("{grey}{box_}"), day);
     assert!(built.hemisphere >= 128 && built.mirror == 0, "{built:?}");
-    assert_eq!(
-        built.sun + built.sun_proved_clear + built.sun_turned_away,
-        128 + (built.sun + built.sun_proved_clear + built.sun_turned_away - 128)
-    );
+    assert!(built.sun > 0, "{built:?}");
     assert_eq!(rays(&format!("{grey}{box_}"), night).sun, 0);
 }
 
 // ---- the air between
 
-/// Level paths of 1, 5 and 10 km: L = L₀ τ₂ + L_u per wavelength with the provider's own τ₂ and L_u, averaged last, and the product
-/// `surface_radiance` is L₀. At the meteorological range a panel keeps 2 % of its contrast (within the percent that gases take at
-/// 550 nm), and the air light of all three paths belongs to one horizon, L_u = L_h (1 − τ₂).
+/// Level paths of 1, 5 and 10 km: L = L₀ τ₂ + L_u per wavelength with the provider's own τ₂ and L_u, averaged last,
+/// and the product `surface_radiance` is L₀. At the meteorological range a panel keeps 2 % of its contrast (within
+/// the percent that gases take at 550 nm), and the air light of all three paths belongs to one horizon, L_u = L_h (1
+/// − τ₂).
 #[test]
 fn a_level_path_through_a_scene_follows_koschmieder() {
     let plan = scene("tests/scenes/level_path.glint", &Options::default());
@@ -1085,8 +1104,9 @@ fn bits(frames: &Frames) -> Vec<u32> {
     images.chain(&frames.truth).chain([&frames.samples]).flatten().map(|v| v.to_bits()).collect()
 }
 
-/// A scene with shadows, corners, lobes and mirrors at three times yields the same bits on 1, 2 and 5 threads, and every tile is
-/// what it is in whichever order tiles are rendered, under a fixed count of samples and under an asked error.
+/// A scene with shadows, corners, lobes and mirrors at three times yields the same bits on 1, 2 and 5 threads, and
+/// every tile is what it is in whichever order tiles are rendered, under a fixed count of samples and under an asked
+/// error.
 #[test]
 fn frames_do_not_depend_on_threads_or_on_the_order_of_tiles() {
     let courtyard = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/courtyard.glint"))
@@ -1124,16 +1144,17 @@ fn frames_do_not_depend_on_threads_or_on_the_order_of_tiles() {
     }
 }
 
-/// The error map is honest: over pixels with non-zero variance and 20 seeds, |L − L_ref| ≤ t √(s² + s_ref²) holds in 93–97 % at
-/// the two-sided 95 % point of Student's t, for a fixed count of samples and for one chosen by a discarded pilot.
+/// The error map is honest: over pixels with non-zero variance and 20 seeds, |L − L_ref| ≤ t √(s² + s_ref²) holds in
+/// 93–97 % at the two-sided 95 % point of Student's t, for a fixed count of samples and for one chosen by a discarded
+/// pilot.
 #[test]
 fn the_stated_error_covers_the_true_one_in_95_of_100_pixels() {
     let courtyard = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/tests/scenes/courtyard.glint"))
         .expect("the scene is there");
     let mut said = courtyard.trim_start_matches("glint 1").to_string();
-    said += "experiment reference { algorithm split { reading corrected, sun disk }, samples 16384, seed 77 }\n";
+    said += "experiment reference { algorithm split { reading corrected, sun disk }, samples 8192, seed 77 }\n";
     for seed in 1..=20 {
-        for (name, accuracy) in [("counted", "samples 128"), ("asked", "error 1 %")] {
+        for (name, accuracy) in [("counted", "samples 128"), ("asked", "error 2 %")] {
             writeln!(
                 said,
                 "experiment {name}_{seed} {{ algorithm split {{ reading corrected, sun disk }}, {accuracy}, seed {seed} }}"

@@ -515,26 +515,32 @@ impl Planner<'_> {
         let provider_key = hasher.finalize().to_hex().to_string();
         // Without a sun the column is solved for one below the horizon.
         let below = Sun::at(std::f64::consts::PI, 0.0);
-        let keys: Vec<String> = (moments.iter())
-            .map(|(moment, weather)| format!("{provider_key} {:?} {:?}", self.column(weather, albedo), moment.sun))
-            .collect();
         // Times under one column are solved in one call; what another run has solved is not solved again.
-        let mut groups: Vec<(Column, Vec<usize>)> = Vec::new();
-        for (i, (_, weather)) in moments.iter().enumerate() {
+        let mut columns_met: Vec<(Column, String)> = Vec::new();
+        let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
+        let mut keys = Vec::new();
+        for (i, (moment, weather)) in moments.iter().enumerate() {
+            let column = self.column(weather, albedo);
+            let met = columns_met.iter().position(|(known, _)| *known == column).unwrap_or_else(|| {
+                let key = format!("{provider_key} {column:?}");
+                columns_met.push((column, key));
+                columns_met.len() - 1
+            });
+            keys.push(format!("{} {:?}", columns_met[met].1, moment.sun));
             if solved.skies.contains_key(&keys[i]) {
                 solved.shared += 1;
                 continue;
             }
-            let column = self.column(weather, albedo);
-            match groups.iter_mut().find(|(known, _)| *known == column) {
+            match groups.iter_mut().find(|(known, _)| *known == met) {
                 Some((_, members)) => members.push(i),
-                None => groups.push((column, vec![i])),
+                None => groups.push((met, vec![i])),
             }
         }
         let columns = groups.len();
-        for (column, members) in groups {
+        for (met, members) in groups {
+            let column = &columns_met[met].0;
             let suns: Vec<Sun> = members.iter().map(|i| moments[*i].0.sun.unwrap_or(below)).collect();
-            match provider.solve(&column, &suns, grid, needs) {
+            match provider.solve(column, &suns, grid, needs) {
                 Ok(skies) => {
                     for (i, sky) in members.iter().zip(skies) {
                         let light = Illumination::new(sky, moments[*i].0.sun.as_ref());

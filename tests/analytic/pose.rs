@@ -69,8 +69,8 @@ pub fn assert_exact(claim: &str, pairs: impl IntoIterator<Item = (f64, f64)>) {
 pub struct Slack {
     /// What the closed form itself may be off.
     pub bound: f64,
-    /// What one sample weighs: the least error that replicates which count samples can tell. Where all 16 count the same
-    /// they state none.
+    /// What one sample weighs: the least error that replicates which count samples can tell. Where all 16 count the
+    /// same they state none.
     pub grain: f64,
 }
 
@@ -106,8 +106,8 @@ pub fn assert_sampled(claim: &str, slack: Slack, triples: impl IntoIterator<Item
     );
 }
 
-/// How many standard errors of 16 replicates one of `n` values may be off, so that all of them together give as many false
-/// alarms as one value held to 4 (one in 860).
+/// How many standard errors of 16 replicates one of `n` values may be off, so that all of them together give as many
+/// false alarms as one value held to 4 (one in 860).
 pub fn student_limit(n: usize) -> f64 {
     let one = 1.0 - inside(4.0);
     let each = 1.0 - (1.0 - one).powf(1.0 / n as f64);

@@ -19,12 +19,15 @@ use crate::algorithm::{Algorithm, Lighting};
 use crate::light::{Term, half_angle};
 use crate::paths::{Component, Factor, GlintLaw, Paths, Sample, Source};
 use crate::sampler::{concentric_disk, cosine_hemisphere};
-use crate::{Scenery, Stream};
+use crate::{Scenery, Stream, Surface};
 
 /// Surfaces after which an unlimited path is played with Russian roulette.
 const ROULETTE_FROM: u32 = 8;
 /// Surfaces after which an unlimited path ends: between perfect reflectors roulette alone would not end it.
 const DEPTH_LIMIT: u32 = 4096;
+/// Surfaces up to which R(θ) stands between two nodes of view angle; beyond them one of the two is drawn, since chains would
+/// double at every surface.
+const BOTH_NODES_TO: u32 = 4;
 
 /// Every approximation of the published equations, each of which can be lifted alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -272,8 +275,39 @@ impl Algorithm for Published {
 
 /// R(θ) of a component at a view angle, as weighted factors.
 fn factors(material: u32, component: Component, table: &AngularSpectra, theta: f64) -> Factors {
+    if table.angles().len() == 1 {
+        return Factors::from_slice(&[(Factor { material, component, node: 0 }, 1.0)]);
+    }
     let weighted = table.weights(theta).into_iter().filter(|(_, weight)| *weight != 0.0);
     weighted.map(|(node, weight)| (Factor { material, component, node: node as u16 }, weight)).collect()
+}
+
+/// R_d(θ) + ρ_s(θ) of a surface, without a component that it does not have.
+fn total_factors(surface: &Surface, material: u32, theta: f64) -> Factors {
+    let split = surface.bsdf.split();
+    let mut all = Factors::new();
+    if surface.has_diffuse {
+        all.extend(factors(material, Component::Diffuse, &split.diffuse, theta));
+    }
+    if surface.has_specular {
+        all.extend(factors(material, Component::Specular, &split.specular, theta));
+    }
+    all
+}
+
+/// One of several factors, drawn in proportion to its weight.
+fn drawn(factors: Factors, stream: &mut Stream) -> Factors {
+    if factors.len() < 2 {
+        return factors;
+    }
+    let total: f64 = factors.iter().map(|(_, weight)| weight).sum();
+    let mut rest = stream.next1() * total;
+    let chosen = factors.iter().find(|(_, weight)| {
+        rest -= weight;
+        rest < 0.0
+    });
+    let (factor, _) = chosen.unwrap_or(&factors[factors.len() - 1]);
+    Factors::from_slice(&[(*factor, total)])
 }
 
 /// Sky fraction of an unobstructed facet of this normal: (1 + cos β)/2.
@@ -298,7 +332,7 @@ impl Published {
         let surface = scenery.surface(hit.material);
         let split = surface.bsdf.split();
         let material = hit.material.0;
-        let theta = angle(hit, step.outgoing);
+        let theta = if surface.is_angular { angle(hit, step.outgoing) } else { 0.0 };
         if surface.emission.is_some() && hit.front {
             let factor = Factor { material, component: Component::Emission, node: 0 };
             let chains = paths.extend(step.chains.clone(), &[(factor, 1.0)]);
@@ -320,11 +354,7 @@ impl Published {
             ),
             Treatment::Ideal => {
                 // Either, never both: the larger component at the nadir decides, and the total reflectance answers.
-                let at = |theta| {
-                    let mut all = factors(material, Component::Diffuse, &split.diffuse, theta);
-                    all.extend(factors(material, Component::Specular, &split.specular, theta));
-                    all
-                };
+                let at = |theta| total_factors(surface, material, theta);
                 if surface.is_specular() {
                     (Factors::new(), at(theta))
                 } else {
@@ -340,8 +370,14 @@ impl Published {
         }
         if !specular.is_empty() && surface.has_specular {
             let chains = paths.extend(step.chains.clone(), &specular);
+            // The printed R_s may be a BRF; the overlap of lobe and disk takes the lobe's reflectance.
+            let glint = if specular_component == Component::Printed && self.with.conserving_glint {
+                paths.extend(step.chains.clone(), &factors(material, Component::Specular, &split.specular, theta))
+            } else {
+                chains.clone()
+            };
             let step = Step { chains, by_mirror: true, ..copy(step) };
-            self.mirror(scenery, id, vertex, &step, split.solid_angle_at(theta), stream, paths);
+            self.mirror(scenery, id, vertex, &step, glint, lobe_solid_angle(surface, theta), stream, paths);
         }
         if paths.samples[id as usize].sky_view.is_nan() {
             let seen = self.escape(scenery, hit, stream, paths).is_some();
@@ -497,28 +533,37 @@ impl Published {
             weight /= survival;
         }
         // The diffuse part of the target sees R_b at a fixed angle where the equation says so; a mirror shows it at its own.
-        let theta = if self.with.actual_background_angle || from.by_mirror { angle(&hit, outgoing) } else { FRAC_PI_6 };
+        let theta = match self.with.actual_background_angle || from.by_mirror {
+            true if surface.is_angular => angle(&hit, outgoing),
+            _ => FRAC_PI_6,
+        };
         let mut share = 1.0;
         if self.with.all_background_lobes && self.goes_on(depth) && surface.has_specular {
             let (d, s) = surface.mean_components(theta);
             let specular = s / (s + d);
             if stream.next1() < specular {
-                let chains =
-                    paths.extend(from.chains.clone(), &factors(material, Component::Specular, &split.specular, theta));
+                let mut reflectance = factors(material, Component::Specular, &split.specular, theta);
+                if depth > BOTH_NODES_TO {
+                    reflectance = drawn(reflectance, stream);
+                }
+                let chains = paths.extend(from.chains.clone(), &reflectance);
                 let vertex = self.vertex(hit, false, stream, paths);
                 let weight = weight / specular;
                 let step = Step { hit, outgoing, chains, weight, depth, by_mirror: from.by_mirror };
-                self.mirror(scenery, id, vertex, &step, split.solid_angle_at(theta), stream, paths);
+                let glint = step.chains.clone();
+                self.mirror(scenery, id, vertex, &step, glint, lobe_solid_angle(surface, theta), stream, paths);
                 return;
             }
             share = 1.0 / (1.0 - specular);
         }
-        let mut reflectance = factors(material, Component::Diffuse, &split.diffuse, theta);
-        if self.treatment == Treatment::Ideal {
+        let mut reflectance = match self.treatment {
             // `ideal` always takes the background as diffuse, whatever its label: its total reflectance answers.
-            reflectance.extend(factors(material, Component::Specular, &split.specular, theta));
-        } else if !surface.has_diffuse {
-            return;
+            Treatment::Ideal => total_factors(surface, material, theta),
+            Treatment::Split if surface.has_diffuse => factors(material, Component::Diffuse, &split.diffuse, theta),
+            Treatment::Split => return,
+        };
+        if depth > BOTH_NODES_TO {
+            reflectance = drawn(reflectance, stream);
         }
         let chains = paths.extend(from.chains.clone(), &reflectance);
         let vertex = self.vertex(hit, false, stream, paths);
@@ -537,7 +582,7 @@ impl Published {
         self.hemisphere(scenery, id, &step, &own, other, stream, paths);
     }
 
-    /// The specular component: the sun, the sky or a surface in the mirror direction.
+    /// The specular component: the sun (through the chains `glint`), the sky or a surface in the mirror direction.
     #[allow(clippy::too_many_arguments)]
     fn mirror(
         &self,
@@ -545,6 +590,7 @@ impl Published {
         id: u32,
         vertex: u32,
         step: &Step,
+        glint: Range<u32>,
         solid_angle: f64,
         stream: &mut Stream,
         paths: &mut Paths,
@@ -555,8 +601,8 @@ impl Published {
         let met = scenery.world.closest(&step.hit.leave(direction));
         let first = step.depth == 1;
         let (sun_term, sky_term) =
-            if first { (Term::SpecularSun, Term::SpecularSky) } else { (background_term(true), background_term(true)) };
-        if self.treatment == Treatment::Ideal && !self.with.corrected {
+            if first { (Term::SpecularSun, Term::SpecularSky) } else { [background_term(step.by_mirror); 2].into() };
+        if self.treatment == Treatment::Ideal && !self.with.corrected && !self.with.conserving_glint {
             // Eq. 3.11: (E_s/π) I'_t τ₁ cos θ_s R(θ_v), without a test of the mirror direction.
             paths.record(id, step.chains.clone(), Source::Sun { vertex }, step.weight / PI, sun_term);
         } else {
@@ -568,7 +614,7 @@ impl Published {
             let escaped = met.is_none() && direction.cos_zenith() > 0.0;
             let half_angle = half_angle(solid_angle);
             let source = Source::Glint { vertex, mirror: direction, escaped, solid_angle, half_angle, law };
-            paths.record(id, step.chains.clone(), source, step.weight, sun_term);
+            paths.record(id, glint, source, step.weight, sun_term);
         }
         match met {
             Some(hit) if self.goes_on(step.depth) => {
@@ -584,6 +630,11 @@ impl Published {
 
 fn copy(step: &Step) -> Step {
     Step { chains: step.chains.clone(), ..*step }
+}
+
+/// Ω_s at a view angle \[sr\]; 0 where the model takes its lobe for a mirror, however wide the sun's disk is that day.
+fn lobe_solid_angle(surface: &Surface, theta: f64) -> f64 {
+    if surface.bsdf.lobes().mirror { 0.0 } else { surface.bsdf.split().solid_angle_at(theta) }
 }
 
 fn background_term(by_mirror: bool) -> Term {

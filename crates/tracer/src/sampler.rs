@@ -17,6 +17,8 @@ pub struct Stream {
     key: u64,
     index: u32,
     dimension: u32,
+    /// Four dimensions are made at a time.
+    four: [f32; 4],
 }
 
 impl Stream {
@@ -25,7 +27,7 @@ impl Stream {
         let key = [view, pixel, u64::from(replicate)].iter().fold(mix(seed ^ 0x9e37_79b9_7f4a_7c15), |key, part| {
             mix(key ^ mix(part.wrapping_add(0x9e37_79b9_7f4a_7c15)))
         });
-        Self { key, index, dimension: 0 }
+        Self { key, index, dimension: 0, four: [0.0; 4] }
     }
 
     /// The next number of [0, 1).
@@ -33,7 +35,10 @@ impl Stream {
         let dimension = self.dimension;
         self.dimension += 1;
         if dimension < SOBOL_DIMENSIONS && self.index < 1 << 16 {
-            return f64::from(sobol_burley::sample(self.index, dimension, self.key as u32));
+            if dimension % 4 == 0 {
+                self.four = sobol_burley::sample_4d(self.index, dimension / 4, self.key as u32);
+            }
+            return f64::from(self.four[dimension as usize % 4]);
         }
         let bits = mix(self.key ^ mix((u64::from(self.index) << 32) | u64::from(dimension)));
         (bits >> 11) as f64 * 2f64.powi(-53)

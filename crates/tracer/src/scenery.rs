@@ -18,6 +18,8 @@ pub struct Surface {
     pub has_diffuse: bool,
     /// Whether ρ_s is anywhere above 0.
     pub has_specular: bool,
+    /// Whether any component depends on view angle.
+    pub is_angular: bool,
     /// Largest R_d + ρ_s over wavelength and view angle, for Russian roulette.
     pub brightest: f64,
     /// Means over the grid at the nodes of R_d and of ρ_s.
@@ -39,6 +41,7 @@ impl Surface {
         Self {
             has_diffuse: largest(&diffuse) > 0.0,
             has_specular: largest(&specular) > 0.0,
+            is_angular: [&split.diffuse, &split.specular, &split.printed].iter().any(|table| table.angles().len() > 1),
             brightest: largest(&diffuse) + largest(&specular),
             means: [means(&diffuse), means(&specular)],
             bsdf,

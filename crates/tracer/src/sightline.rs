@@ -43,7 +43,14 @@ fn path_to(sensor: DVec3, target: DVec3, length: f64, away: WorldDir) -> Path {
 pub(crate) fn cluster(paths: &mut Paths, samples: Range<usize>, middle: &Ray) -> Vec<Option<Sightline>> {
     const MOST: usize = u8::MAX as usize - 1;
     let mut order: Vec<usize> = samples.clone().filter(|i| paths.samples[*i].vertex.is_some()).collect();
-    order.sort_by(|a, b| paths.samples[*a].range.total_cmp(&paths.samples[*b].range));
+    let ranges = order.iter().map(|i| paths.samples[*i].range);
+    let (near, far) = ranges.fold((f64::INFINITY, 0.0), |(near, far), r| (f64::min(near, r), f64::max(far, r)));
+    if far > near * CLUSTER_RATIO {
+        order.sort_by(|a, b| paths.samples[*a].range.total_cmp(&paths.samples[*b].range));
+    } else if let Some(nearest) = order.iter().position(|i| paths.samples[*i].range == near) {
+        // One group holds them all, whatever their order, if the nearest stands first.
+        order.swap(0, nearest);
+    }
     let mut sights: Vec<Option<Sightline>> = Vec::new();
     let mut rest = order.as_slice();
     while let Some(first) = rest.first() {
