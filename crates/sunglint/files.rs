@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use sunglint_dsl::{LoadError, Loaded, Loader};
+use sunglint_dsl::{LoadError, Loaded, Loader, nearest};
 
 /// Largest file that a scene may name \[bytes\].
 const LARGEST: u64 = 2 << 30;
@@ -65,7 +65,7 @@ impl Loader for Files {
 impl Files {
     fn shipped(&mut self, path: &str, name: &str) -> Result<Loaded, LoadError> {
         let Some(text) = sunglint_reflectance::shipped(name) else {
-            let nearest = nearest_name(name, sunglint_reflectance::shipped_names());
+            let nearest = nearest(name, sunglint_reflectance::shipped_names());
             return Err(LoadError {
                 message: format!("no shipped data is called `{name}`"),
                 nearest: nearest.map(|name| format!("sunglint:{name}")),
@@ -76,15 +76,6 @@ impl Files {
     }
 }
 
-fn nearest_name<'a>(name: &str, known: impl IntoIterator<Item = &'a str>) -> Option<String> {
-    known
-        .into_iter()
-        .map(|other| (strsim::jaro_winkler(name, other), other))
-        .filter(|(similarity, _)| *similarity > 0.75)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, other)| other.to_string())
-}
-
 fn nearest_in_folder(path: &Path) -> Option<String> {
     let name = path.file_name()?.to_string_lossy().into_owned();
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
@@ -92,5 +83,5 @@ fn nearest_in_folder(path: &Path) -> Option<String> {
         .filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()))
         .collect();
     names.sort();
-    nearest_name(&name, names.iter().map(String::as_str))
+    nearest(&name, names.iter().map(String::as_str)).map(str::to_string)
 }
