@@ -570,8 +570,9 @@ fn a_white_room_with_a_hole_is_a_furnace_too() {
         );
         for run in plan.runs() {
             let frames = run.render();
-            let per_path = frames.rays.hemisphere as f64 / f64::from(16 * 16 * 16);
-            assert!(per_path > 20.0, "{per_path} reflections a path");
+            let per_path = (frames.rays.hemisphere + frames.rays.mirror) as f64 / f64::from(16 * 16 * 16);
+            println!("bound   white room, {name}: {per_path:.0} reflections a path");
+            assert!(per_path > 60.0, "{per_path} reflections a path");
             assert_exact(
                 &format!("white room, {name}, {}", run.experiment),
                 pixels(&frames, 0).into_iter().map(|(l, _)| (l, 100.0)),
@@ -1043,10 +1044,9 @@ fn rays_that_cannot_matter_are_not_cast() {
     assert_eq!((mirrored.mirror, mirrored.hemisphere), (64, 0), "only the mirror's samples: {mirrored:?}");
     let dark = rays(&both, night);
     assert_eq!((dark.sun, dark.sun_proved_clear, dark.sun_turned_away), (0, 0, 128), "{dark:?}");
-    // Something rises above the plane: now the hemisphere and the sun have to be asked.
+    // A box between them: now the hemisphere and the sun have to be asked, save on the box's own top.
     let built = rays(&format!("{grey}{box_}"), day);
-    assert!(built.hemisphere >= 128 && built.mirror == 0, "{built:?}");
-    assert!(built.sun > 0, "{built:?}");
+    assert!(built.hemisphere > 100 && built.sun > 100 && built.mirror == 0, "{built:?}");
     assert_eq!(rays(&format!("{grey}{box_}"), night).sun, 0);
 }
 

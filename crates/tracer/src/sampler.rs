@@ -35,7 +35,7 @@ impl Stream {
         let dimension = self.dimension;
         self.dimension += 1;
         if dimension < SOBOL_DIMENSIONS && self.index < 1 << 16 {
-            if dimension % 4 == 0 {
+            if dimension.is_multiple_of(4) {
                 self.four = sobol_burley::sample_4d(self.index, dimension / 4, self.key as u32);
             }
             return f64::from(self.four[dimension as usize % 4]);
