@@ -18,10 +18,9 @@ use sunglint::radiometry::{STUDENT_T_95, WorldDir};
 use sunglint::tracer::tiles;
 use sunglint::{Frames, Options, Plan, Run, explain};
 
-/// Angular radius of the sun's disk at 1 au \[rad\]: the nominal solar radius [IAU 2015, resolution B3] over an
-/// astronomical unit.
+/// Angular radius of the sun's disk at 1 au \[rad\]: 0.2666°, as docs/CONVENTIONS.md has it.
 fn sun_radius() -> f64 {
-    695_700.0 / 149_597_870.7
+    0.2666f64.to_radians()
 }
 
 /// Ω_sun, over which E_n spreads: ∫ cos dω over the disk \[sr\].

@@ -17,5 +17,6 @@ pub use spectrum::{Irradiance, Radiance, Reflectance, Spectrum, Transmittance};
 pub use units::{Dimension, UNITS, Unit, unit, units_of};
 pub use wavelength::{Bin, Entry, SpectralGrid, Wavelength};
 
-/// Angular radius of the sun's disk at 1 au \[rad\]: 0.2666° (IAU 2015 nominal solar radius 695 700 km over 1 au).
-pub const SOLAR_ANGULAR_RADIUS: f64 = 0.004_650_467;
+/// Angular radius of the sun's disk at 1 au \[rad\]: 0.2666°, so that its solid angle is
+/// 6.80e-5 sr.
+pub const SOLAR_ANGULAR_RADIUS: f64 = 0.2666 * std::f64::consts::PI / 180.0;
