@@ -37,7 +37,7 @@ fn front_end(criterion: &mut Criterion) {
     group.bench_function("plan/truth", |bencher| {
         bencher.iter(|| plan("examples/truth/truth.glint", &Options::default()))
     });
-    group.bench_function("render/minimal_320x240", |bencher| {
+    group.bench_function("render/minimal", |bencher| {
         let plan = plan("examples/minimal/minimal.glint", &Options::default());
         bencher.iter(|| plan.runs()[0].render());
     });
