@@ -85,21 +85,27 @@ impl Run {
     }
 }
 
+impl Frame {
+    /// The frame of the run's time `t`, all zero.
+    pub(crate) fn blank(run: &Run, t: usize) -> Self {
+        let n = (run.pixels.0 * run.pixels.1) as usize;
+        let images = |wanted: bool| vec![vec![0.0; n]; if wanted { run.channels.len() } else { 0 }];
+        Self {
+            label: run.moments[t].label.clone(),
+            radiance: images(true),
+            error: images(true),
+            surface: images(run.products.surface_radiance),
+            lit: vec![0.0; n],
+        }
+    }
+}
+
 impl Frames {
     /// Empty frames of a run.
     pub(crate) fn new(run: &Run) -> Self {
         let n = (run.pixels.0 * run.pixels.1) as usize;
         let channels = run.channels.channels().to_vec();
-        let images = |wanted: bool| vec![vec![0.0; n]; if wanted { channels.len() } else { 0 }];
-        let frames = (run.moments.iter())
-            .map(|moment| Frame {
-                label: moment.label.clone(),
-                radiance: images(true),
-                error: images(true),
-                surface: images(run.products.surface_radiance),
-                lit: vec![0.0; n],
-            })
-            .collect();
+        let frames = (0..run.moments.len()).map(|t| Frame::blank(run, t)).collect();
         Self {
             width: run.pixels.0,
             height: run.pixels.1,

@@ -232,19 +232,12 @@ fn write_products(run: &Run, folder: &Path, tiles: &[Tile], load: Load<'_>) -> R
     let per_frame = n * 4 * (2 * n_channels + 1 + if run.products.surface_radiance { n_channels } else { 0 });
     let at_once = (FRAMES_AT_ONCE / per_frame.max(1)).clamp(1, run.moments.len().max(1));
     let mut stretches: Vec<StretchCollector> = (0..n_channels).map(|_| StretchCollector::default()).collect();
-    let blank = |t: usize| Frame {
-        label: run.moments[t].label.clone(),
-        radiance: vec![vec![0.0; n]; n_channels],
-        error: vec![vec![0.0; n]; n_channels],
-        surface: vec![vec![0.0; n]; if run.products.surface_radiance { n_channels } else { 0 }],
-        lit: vec![0.0; n],
-    };
     let mut truth = vec![vec![0.0; n]; TileResult::TRUTH_MAPS];
     let mut samples = vec![0.0; n];
     let chunks: Vec<Vec<usize>> =
         (0..run.moments.len()).collect::<Vec<_>>().chunks(at_once).map(<[usize]>::to_vec).collect();
     for chunk in &chunks {
-        let mut frames: Vec<Frame> = chunk.iter().map(|t| blank(*t)).collect();
+        let mut frames: Vec<Frame> = chunk.iter().map(|t| Frame::blank(run, *t)).collect();
         for (i, tile) in tiles.iter().enumerate() {
             let result = load(i)?;
             for (frame, t) in frames.iter_mut().zip(chunk) {
@@ -269,7 +262,7 @@ fn write_products(run: &Run, folder: &Path, tiles: &[Tile], load: Load<'_>) -> R
     if chunks.len() > 1 && run.products.preview {
         let stretches = series_stretches(&stretches);
         for chunk in &chunks {
-            let mut frames: Vec<Frame> = chunk.iter().map(|t| blank(*t)).collect();
+            let mut frames: Vec<Frame> = chunk.iter().map(|t| Frame::blank(run, *t)).collect();
             for (i, tile) in tiles.iter().enumerate() {
                 let result = load(i)?;
                 frames.iter_mut().zip(chunk).for_each(|(frame, t)| insert_frame(frame, *t, *tile, &result, width));

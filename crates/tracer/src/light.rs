@@ -242,7 +242,6 @@ impl Weights {
             return;
         }
         let key = (u64::from(chain) << 32) | ((light.index() as u64) << 16) | (u64::from(cluster) << 8) | term as u64;
-        // Most records repeat what the one before them weighed.
         let fresh = self.list.len() as u32;
         let slot = *self.found.entry(key).or_insert(fresh);
         if slot == fresh {
@@ -266,11 +265,14 @@ impl PixelLight {
         let mut steady = Weights::default();
         let mut changing = Vec::new();
         for (i, record) in records.clone().zip(&paths.records[records]) {
-            if !record.source.is_steady() {
-                changing.push(i as u32);
-                continue;
-            }
-            let light = if record.source == Source::Own { Light::Own } else { Light::MeanSky };
+            let light = match record.source {
+                Source::Own => Light::Own,
+                Source::MeanSky => Light::MeanSky,
+                _ => {
+                    changing.push(i as u32);
+                    continue;
+                }
+            };
             let sample = &paths.samples[record.sample as usize];
             for (chain, share) in chains(paths, record) {
                 let term = term_of(record, by_term);
@@ -382,8 +384,8 @@ impl<'a> BlockLight<'a> {
             let sample = &paths.samples[record.sample as usize];
             self.sky_weights.clear();
             let (light, value) = match record.source {
-                Source::Own => (Light::Own, 1.0),
-                Source::MeanSky => (Light::MeanSky, 1.0),
+                // Gathered once for all times.
+                Source::Own | Source::MeanSky => continue,
                 Source::Sun { vertex } => {
                     let i = vertex as usize;
                     (Light::Beam, self.sun.visible[i] * self.sun.cos[i])

@@ -83,13 +83,6 @@ pub(crate) struct Vertex {
     pub disk: [f64; 2],
 }
 
-impl Source {
-    /// Whether the light of a record is the same at every time but for its spectrum.
-    pub fn is_steady(&self) -> bool {
-        matches!(self, Self::MeanSky | Self::Own)
-    }
-}
-
 /// A contribution: Σ over `chains` of weight × chain spectrum × source.
 #[derive(Clone, Debug)]
 pub(crate) struct Record {

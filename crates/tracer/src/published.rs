@@ -196,7 +196,6 @@ type Factors = SmallVec<[(Factor, f64); 4]>;
 /// How the sky seen from the target enters, for `background_sky target`.
 #[derive(Clone, Copy)]
 struct TargetSky {
-    normal: DVec3,
     hit: Hit,
     /// F where it has a closed form.
     closed: Option<f64>,
@@ -338,7 +337,7 @@ impl Published {
             let chains = paths.extend(step.chains.clone(), &[(factor, 1.0)]);
             paths.record(id, chains, Source::Own, step.weight, Term::Emission);
         }
-        let sky = TargetSky { normal: hit.normal, hit: *hit, closed: self.closed_sky_view(scenery, hit) };
+        let sky = self.sky_of(scenery, hit);
         paths.samples[id as usize].sky_view = sky.closed.unwrap_or(f64::NAN);
 
         let specular_component = if self.with.corrected || self.treatment == Treatment::Ideal {
@@ -385,11 +384,11 @@ impl Published {
         }
     }
 
-    /// F where no ray is needed: by tilt where the scene asks for it, or where nothing but the ground rises above the
-    /// facet's plane.
-    fn closed_sky_view(&self, scenery: &Scenery, hit: &Hit) -> Option<f64> {
+    /// The sky over a facet, with F where no ray is needed: by tilt where the scene asks for it, or where nothing but the
+    /// ground rises above the facet's plane.
+    fn sky_of(&self, scenery: &Scenery, hit: &Hit) -> TargetSky {
         let open = self.with.slope_sky_view || scenery.world.is_open(hit.facet, hit.front);
-        open.then(|| open_sky_view(hit.normal))
+        TargetSky { hit: *hit, closed: open.then(|| open_sky_view(hit.normal)) }
     }
 
     /// The sky of a facet whose F has a closed form.
@@ -429,7 +428,7 @@ impl Published {
         if let Some(other) = other_sky {
             match other.closed {
                 Some(f) => {
-                    let (source, weight) = self.closed_sky(other.normal, f);
+                    let (source, weight) = self.closed_sky(other.hit.normal, f);
                     paths.record(id, step.chains.clone(), source, step.weight * weight, sky_term);
                 }
                 None => {
@@ -444,7 +443,7 @@ impl Published {
         if let Some(f) = own_sky.closed {
             paths.rays.hemisphere_open += 1;
             if shows_sky {
-                let (source, weight) = self.closed_sky(own_sky.normal, f);
+                let (source, weight) = self.closed_sky(own_sky.hit.normal, f);
                 paths.record(id, step.chains.clone(), source, step.weight * weight, sky_term);
             }
             if looks_further && f < 1.0 {
@@ -570,14 +569,13 @@ impl Published {
         let weight = weight * share;
         paths.record(id, chains.clone(), Source::Sun { vertex }, weight / PI, term);
         let printed_mirror_without_sky = from.by_mirror && self.treatment == Treatment::Ideal && !self.with.corrected;
-        let own = TargetSky { normal: hit.normal, hit, closed: self.closed_sky_view(scenery, &hit) };
         let step = Step { hit, outgoing, chains, weight, depth, by_mirror: from.by_mirror };
         if printed_mirror_without_sky && !self.goes_on(depth) {
             // Eq. 3.11 gives the background of a mirror the sun alone.
             return;
         }
-        let target =
-            TargetSky { normal: from.hit.normal, hit: from.hit, closed: self.closed_sky_view(scenery, &from.hit) };
+        let own = self.sky_of(scenery, &hit);
+        let target = self.sky_of(scenery, &from.hit);
         let other = (!self.with.own_background_sky).then_some(&target);
         self.hemisphere(scenery, id, &step, &own, other, stream, paths);
     }
