@@ -111,8 +111,8 @@ impl Builder<'_> {
         for shape in shapes {
             match shape {
                 Shape::Facets { material, polygons } => {
-                    for (corners, span) in polygons {
-                        self.facet(corners.clone(), *material, *span, &mut facets);
+                    for (corners, span) in polygons.iter() {
+                        self.facet(corners.to_vec(), *material, span, &mut facets);
                     }
                 }
                 Shape::Panel { material, size, facing, pose, span } => {

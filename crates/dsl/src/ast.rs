@@ -1,6 +1,7 @@
 //! The shape of a scene, known without its meaning.
 
-use crate::Span;
+use crate::runs::Runs;
+use crate::{Sources, Span};
 
 /// The statements of a scene, includes resolved: those of an included file stand where its `include` stood.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -22,6 +23,9 @@ pub struct Statement {
     pub block: Option<Block>,
     /// From the key to the last item, without the block.
     pub span: Span,
+    /// The statement said again, right behind it, each time with another run of vectors: the same key, the same word, then
+    /// this run. Only a statement of a word and a run, without a block, has any; [`Ast::spelt_out`] undoes it.
+    pub again: Option<Box<Runs>>,
 }
 
 /// Statements in braces.
@@ -51,6 +55,29 @@ pub struct Item {
     pub span: Span,
 }
 
+/// A vector of two or three numbers.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Point {
+    numbers: [f64; 3],
+    size: u8,
+    /// From `(` to `)`.
+    pub span: Span,
+}
+
+impl Point {
+    /// The vector of two or three numbers; further ones are dropped.
+    pub fn new(numbers: &[f64], span: Span) -> Self {
+        let size = numbers.len().min(3);
+        let mut of = [0.0; 3];
+        of[..size].copy_from_slice(&numbers[..size]);
+        Self { numbers: of, size: size as u8, span }
+    }
+    /// The two or three numbers.
+    pub fn numbers(&self) -> &[f64] {
+        &self.numbers[..usize::from(self.size)]
+    }
+}
+
 /// A value as written.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Value {
@@ -78,8 +105,8 @@ pub enum Value {
     Grid(u64, u64),
     /// One vector or a run of vectors, two or three numbers each: `(0 0 0) (1 0 0) m`.
     Points {
-        /// The vectors with their places.
-        points: Vec<(Vec<f64>, Span)>,
+        /// The vectors.
+        points: Vec<Point>,
         /// The unit that ends the run.
         unit: Option<Word>,
     },
@@ -88,6 +115,14 @@ pub enum Value {
         /// The rows.
         rows: Vec<Vec<Item>>,
         /// The unit that serves the bare numbers.
+        unit: Option<Word>,
+    },
+    /// A list whose rows are one run of vectors each, all of one size: `[(0 0 0) (1 0 0) (1 1 0), …] m`. A list of anything
+    /// else, or of nothing, is a [`Value::List`].
+    Runs {
+        /// The rows.
+        runs: Box<Runs>,
+        /// The unit that serves the rows without one.
         unit: Option<Word>,
     },
     /// `"…"`, escapes resolved.
@@ -101,4 +136,55 @@ pub enum Value {
         /// Minutes east of UTC.
         offset: Option<i32>,
     },
+}
+
+impl Ast {
+    /// The tree with every statement for itself: what [`Statement::again`] holds stands behind its statement. Those stay
+    /// as they are of which `packed` says so, told the key of the block that they stand in.
+    #[must_use]
+    pub fn spelt_out(&self, sources: &Sources, packed: &dyn Fn(Option<&str>, &Statement) -> bool) -> Self {
+        Self { statements: spelt_out(&self.statements, None, sources, packed), version: self.version }
+    }
+}
+
+fn spelt_out(
+    statements: &[Statement],
+    within: Option<&str>,
+    sources: &Sources,
+    packed: &dyn Fn(Option<&str>, &Statement) -> bool,
+) -> Vec<Statement> {
+    let mut out = Vec::with_capacity(statements.len());
+    for statement in statements {
+        if statement.again.is_some() && packed(within, statement) {
+            out.push(statement.clone());
+            continue;
+        }
+        let block = statement.block.as_ref().map(|block| Block {
+            statements: spelt_out(&block.statements, Some(&statement.key.text), sources, packed),
+            span: block.span,
+        });
+        out.push(Statement {
+            key: statement.key.clone(),
+            items: statement.items.clone(),
+            block,
+            span: statement.span,
+            again: None,
+        });
+        let (Some(runs), Some(Value::Word(word))) = (&statement.again, statement.items.first().map(|item| &item.value))
+        else {
+            continue;
+        };
+        let text = &sources.get(runs.file()).text;
+        for i in 0..runs.len() {
+            let span = runs.row(i).span;
+            let key_end = span.start as usize + statement.key.text.len();
+            let blank = text[key_end..].len() - text[key_end..].trim_ascii_start().len();
+            let part = |start: usize, len: usize| Span { start: start as u32, end: (start + len) as u32, ..span };
+            let key =
+                Word { text: statement.key.text.clone(), span: part(span.start as usize, statement.key.text.len()) };
+            let word = Item { value: Value::Word(word.clone()), span: part(key_end + blank, word.len()) };
+            out.push(Statement { key, items: vec![word, runs.item(i, text)], block: None, span, again: None });
+        }
+    }
+    out
 }

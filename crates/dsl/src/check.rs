@@ -23,7 +23,7 @@ use self::geometry::{GEOMETRY, GROUND_RULE, Scope, materials_of};
 use self::material::MATERIAL_HEAD;
 use self::names::{Kind, Names};
 use self::sensor::SENSOR;
-use crate::ast::{Ast, Item, Value};
+use crate::ast::{Ast, Item, Statement, Value};
 use crate::nearest::nearest;
 use crate::scene::{Collect, Scene, Times, Weather};
 use crate::{Diagnostic, FileId, LoadError, Loaded, Loader, Severity, Sources, Span};
@@ -38,6 +38,8 @@ pub fn check(
     loader: &mut dyn Loader,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Option<Scene> {
+    let spelt_out = spelt_out(ast, sources);
+    let ast = spelt_out.as_ref().unwrap_or(ast);
     let refused_text: Vec<Span> =
         (diagnostics.iter()).filter(|fault| fault.severity == Severity::Error).filter_map(|fault| fault.span).collect();
     let mut checker = Checker {
@@ -64,6 +66,31 @@ pub fn check(
     let scene = checker.scene(ast);
     let sound = diagnostics.iter().all(|fault| fault.severity != Severity::Error);
     sound.then_some(scene)
+}
+
+/// The tree with packed statements spelt out, where any is not a facet of a known material in the scene or an object: of
+/// those alone each can be read by itself.
+fn spelt_out(ast: &Ast, sources: &Sources) -> Option<Ast> {
+    let name = |statement: &'_ Statement| match statement.items.first() {
+        Some(Item { value: Value::Word(name), .. }) => name.clone(),
+        _ => String::new(),
+    };
+    let materials: HashSet<String> =
+        ast.statements.iter().filter(|statement| statement.key.text == "material").map(name).collect();
+    let facet = |within: Option<&str>, statement: &Statement| {
+        statement.key.text == "facet" && matches!(within, None | Some("object")) && materials.contains(&name(statement))
+    };
+    let mut blocks = vec![(None, &ast.statements)];
+    while let Some((within, statements)) = blocks.pop() {
+        for statement in statements {
+            if statement.again.is_some() && !facet(within, statement) {
+                return Some(ast.spelt_out(sources, &facet));
+            }
+            let key = Some(statement.key.text.as_str());
+            blocks.extend(statement.block.iter().map(|block| (key, &block.statements)));
+        }
+    }
+    None
 }
 
 /// The places that the parser refused, each with the statement that holds it or ends right before it.

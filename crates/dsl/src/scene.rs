@@ -6,7 +6,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 use sunglint_plugin::{Args, SpectralValue};
 
-use crate::Span;
+use crate::{FileId, Span};
 
 /// A checked scene.
 #[derive(Clone, Debug)]
@@ -271,6 +271,50 @@ pub struct SceneFile {
     pub span: Span,
 }
 
+/// Planar polygons of one file, packed: 24 bytes a corner and 12 a polygon.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Polygons {
+    file: FileId,
+    corners: Vec<DVec3>,
+    /// For each polygon, where its corners end, and its place.
+    ends: Vec<(u32, u32, u32)>,
+}
+
+impl Polygons {
+    /// No polygons yet, of a file.
+    pub fn new(file: FileId) -> Self {
+        Self { file, corners: Vec::new(), ends: Vec::new() }
+    }
+    /// Makes room for so many polygons and corners more.
+    pub fn reserve(&mut self, polygons: usize, corners: usize) {
+        self.ends.reserve_exact(polygons);
+        self.corners.reserve_exact(corners);
+    }
+    /// Adds a polygon \[m\] with its place in the file.
+    pub fn push(&mut self, corners: &[DVec3], span: Span) {
+        self.corners.extend_from_slice(corners);
+        self.ends.push((self.corners.len() as u32, span.start, span.end));
+    }
+    /// Number of polygons.
+    pub fn len(&self) -> usize {
+        self.ends.len()
+    }
+    /// Whether there are none.
+    pub fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+    /// Polygon `i`, which must be below [`Polygons::len`]: its corners \[m\] and its place.
+    pub fn get(&self, i: usize) -> (&[DVec3], Span) {
+        let first = if i == 0 { 0 } else { self.ends[i - 1].0 };
+        let (end, from, to) = self.ends[i];
+        (&self.corners[first as usize..end as usize], Span { file: self.file, start: from, end: to })
+    }
+    /// The polygons with their places.
+    pub fn iter(&self) -> impl ExactSizeIterator<Item = (&[DVec3], Span)> {
+        (0..self.len()).map(|i| self.get(i))
+    }
+}
+
 /// One geometry statement.
 #[derive(Clone, Debug)]
 pub enum Shape {
@@ -278,8 +322,8 @@ pub enum Shape {
     Facets {
         /// Index of the material.
         material: usize,
-        /// Corners \[m\], with the place of each polygon.
-        polygons: Vec<(Vec<DVec3>, Span)>,
+        /// The polygons.
+        polygons: Polygons,
     },
     /// A rectangle about its centre, lower edge level.
     Panel {

@@ -157,7 +157,7 @@ fn the_first_example_means_its_scene() {
     let [Shape::Facets { polygons, .. }, Shape::Panel { size, facing, pose, .. }] = scene.world.as_slice() else {
         panic!("{:?}", scene.world)
     };
-    assert_eq!(polygons[0].0[2], DVec3::new(20.0, 20.0, 0.0));
+    assert_eq!(polygons.get(0).0[2], DVec3::new(20.0, 20.0, 0.0));
     assert_eq!((size.x, size.y, *facing, pose.at), (2.0, 1.4, Facing::Sensor(0), DVec3::new(0.0, 5.0, 0.7)));
     let sensor = &scene.sensors[0];
     assert_eq!(sensor.pixels, (320, 240));

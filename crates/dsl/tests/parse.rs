@@ -38,7 +38,7 @@ fn tree(text: &str) -> (String, Vec<String>) {
     let whole = format!("glint 1\n{text}");
     let (ast, sources, diagnostics) = read(&[("main.glint", whole.as_bytes())]);
     check_spans(&ast, &sources, &diagnostics);
-    (show(&ast.statements), found(&diagnostics, &sources))
+    (show(&ast, &sources), found(&diagnostics, &sources))
 }
 
 fn found(diagnostics: &[Diagnostic], sources: &Sources) -> Vec<String> {
@@ -65,21 +65,21 @@ fn clean(text: &str) -> String {
     tree.trim_end().to_string()
 }
 
-fn show(statements: &[Statement]) -> String {
+fn show(ast: &Ast, sources: &Sources) -> String {
     let mut out = String::new();
-    lines(statements, 0, &mut out);
+    lines(&ast.spelt_out(sources, &|_, _| false).statements, sources, 0, &mut out);
     out
 }
 
-fn lines(statements: &[Statement], depth: usize, out: &mut String) {
+fn lines(statements: &[Statement], sources: &Sources, depth: usize, out: &mut String) {
     for statement in statements {
         write!(out, "{:1$}{2}", "", 2 * depth, statement.key.text).unwrap();
-        statement.items.iter().for_each(|item| write!(out, " {}", one(item)).unwrap());
+        statement.items.iter().for_each(|item| write!(out, " {}", one(item, sources)).unwrap());
         match &statement.block {
             None => out.push('\n'),
             Some(block) => {
                 out.push_str(" {\n");
-                lines(&block.statements, depth + 1, out);
+                lines(&block.statements, sources, depth + 1, out);
                 writeln!(out, "{:1$}}}", "", 2 * depth).unwrap();
             }
         }
@@ -87,7 +87,7 @@ fn lines(statements: &[Statement], depth: usize, out: &mut String) {
 }
 
 /// Units stand in `<…>`, so that it shows what was taken for one.
-fn one(item: &Item) -> String {
+fn one(item: &Item, sources: &Sources) -> String {
     let with =
         |unit: &Option<sunglint_dsl::ast::Word>| unit.as_ref().map_or(String::new(), |unit| format!("<{}>", unit.text));
     match &item.value {
@@ -99,11 +99,19 @@ fn one(item: &Item) -> String {
         Value::Range { low, high, unit } => format!("{low}..{high}{}", with(unit)),
         Value::Grid(m, n) => format!("grid({m},{n})"),
         Value::Points { points, unit } => {
-            let points: Vec<String> = points.iter().map(|(point, _)| format!("{point:?}")).collect();
+            let points: Vec<String> = points.iter().map(|point| format!("{:?}", point.numbers())).collect();
             format!("points{}{}", points.concat(), with(unit))
         }
         Value::List { rows, unit } => {
-            let rows: Vec<String> = rows.iter().map(|row| row.iter().map(one).collect::<Vec<_>>().join(" ")).collect();
+            let rows: Vec<String> = rows
+                .iter()
+                .map(|row| row.iter().map(|item| one(item, sources)).collect::<Vec<_>>().join(" "))
+                .collect();
+            format!("list[{}]{}", rows.join(" | "), with(unit))
+        }
+        Value::Runs { runs, unit } => {
+            let text = &sources.get(runs.file()).text;
+            let rows: Vec<String> = (0..runs.len()).map(|i| one(&runs.item(i, text), sources)).collect();
             format!("list[{}]{}", rows.join(" | "), with(unit))
         }
         Value::Text(text) => format!("{text:?}"),
@@ -131,24 +139,33 @@ fn check_spans(ast: &Ast, sources: &Sources, diagnostics: &[Diagnostic]) {
             sources.text(outer)
         );
     };
-    fn walk(statements: &[Statement], inside: &dyn Fn(Span, Span)) {
+    fn walk(statements: &[Statement], sources: &Sources, inside: &dyn Fn(Span, Span)) {
         for statement in statements {
             inside(statement.key.span, statement.span);
             for item in &statement.items {
                 inside(item.span, statement.span);
                 match &item.value {
-                    Value::Points { points, .. } => points.iter().for_each(|(_, span)| inside(*span, item.span)),
+                    Value::Points { points, .. } => points.iter().for_each(|point| inside(point.span, item.span)),
+                    Value::Runs { runs, .. } => {
+                        let text = &sources.get(runs.file()).text;
+                        for i in 0..runs.len() {
+                            let row = runs.item(i, text);
+                            inside(row.span, item.span);
+                            let Value::Points { points, .. } = &row.value else { panic!() };
+                            points.iter().for_each(|point| inside(point.span, row.span));
+                        }
+                    }
                     Value::List { rows, .. } => rows.iter().flatten().for_each(|cell| inside(cell.span, item.span)),
                     _ => {}
                 }
             }
             if let Some(block) = &statement.block {
                 block.statements.iter().for_each(|inner| inside(inner.span, block.span));
-                walk(&block.statements, inside);
+                walk(&block.statements, sources, inside);
             }
         }
     }
-    walk(&ast.statements, &inside);
+    walk(&ast.spelt_out(sources, &|_, _| false).statements, sources, &inside);
     for diagnostic in diagnostics {
         diagnostic.span.into_iter().for_each(check);
         diagnostic.notes.iter().for_each(|(span, _)| check(*span));
@@ -169,7 +186,7 @@ fn example(name: &str) -> String {
     assert!(diagnostics.is_empty(), "{:#?}", found(&diagnostics, &sources));
     check_spans(&ast, &sources, &diagnostics);
     assert_eq!(ast.version.unwrap().0, 1.0);
-    show(&ast.statements)
+    show(&ast, &sources)
 }
 
 #[test]
@@ -351,7 +368,7 @@ fn places_are_exact() {
     assert_eq!(sources.text(unit.span), "deg");
     assert_eq!(sources.text(position.items[0].span), "(0 -25 15)\n    (1 2 3) m");
     let Value::Points { points, .. } = &position.items[0].value else { panic!() };
-    assert_eq!(sources.text(points[1].1), "(1 2 3)");
+    assert_eq!(sources.text(points[1].span), "(1 2 3)");
 }
 
 #[test]
@@ -482,10 +499,9 @@ fn a_list_of_a_hundred_thousand_rows_is_one_value() {
     let (ast, sources, diagnostics) = read(&[("main.glint", text.as_bytes())]);
     assert!(diagnostics.is_empty());
     check_spans(&ast, &sources, &diagnostics);
-    let Value::List { rows, unit } = &ast.statements[0].items[1].value else { panic!() };
-    assert_eq!((rows.len(), unit.as_ref().unwrap().text.as_str()), (100_000, "m"));
-    let Value::Points { points, .. } = &rows[99_999][0].value else { panic!() };
-    assert_eq!((points.len(), &points[0].0), (3, &vec![99_999.0, 0.0, 0.0]));
+    let Value::Runs { runs, unit } = &ast.statements[0].items[1].value else { panic!() };
+    assert_eq!((runs.len(), unit.as_ref().unwrap().text.as_str()), (100_000, "m"));
+    assert_eq!(runs.row(99_999).numbers, [99_999.0, 0.0, 0.0, 99_999.0, 1.0, 0.0, 0.0, 1.0, 0.5]);
     let Value::List { rows, .. } = &ast.statements[1].items[0].value else { panic!() };
     assert_eq!((rows.len(), rows[5].len()), (100_000, 2));
 }
@@ -514,12 +530,12 @@ fn rows_read_by_hand_and_by_the_grammar_are_the_same() {
 #[test]
 fn an_include_stands_for_its_statements_once() {
     let main = b"glint 1\ninclude \"b.glint\"\ninclude \"./b.glint\"\nlast".as_slice();
-    let (ast, _, found) = read(&[
+    let (ast, sources, found) = read(&[
         ("main.glint", main),
         ("b.glint", b"glint 1\nscene \"not this\"\nfirst\nsnapshot { pixels 1 x 1 }"),
         ("./b.glint", b"glint 1\nnot_again"),
     ]);
-    assert_eq!((show(&ast.statements).as_str(), found.len()), ("first\nlast\n", 0));
+    assert_eq!((show(&ast, &sources).as_str(), found.len()), ("first\nlast\n", 0));
 }
 
 #[test]
@@ -539,10 +555,10 @@ fn a_cycle_of_includes_shows_its_path() {
 
 #[test]
 fn an_include_that_is_missing_offers_the_nearest() {
-    let (ast, _, diagnostics) =
+    let (ast, sources, diagnostics) =
         read(&[("a.glint", b"glint 1\ninclude \"panel5.glint\"\nb".as_slice()), ("panels.glint", b"")]);
     assert_eq!((diagnostics[0].code, diagnostics[0].label.as_str()), ("F01", "`\"panels.glint\"`?"));
-    assert_eq!(show(&ast.statements), "b\n");
+    assert_eq!(show(&ast, &sources), "b\n");
     let mut sources = Sources::default();
     let mut diagnostics = Vec::new();
     parse("none.glint", &mut Files(BTreeMap::new()), &mut sources, &mut diagnostics);

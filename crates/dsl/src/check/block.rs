@@ -6,7 +6,7 @@ use super::Checker;
 use crate::ast::{Block, Item, Statement, Value};
 use crate::nearest::list;
 use crate::parse::spelling::{CONNECTIVES, is_unit};
-use crate::{Diagnostic, Severity, Span};
+use crate::{Diagnostic, Runs, Severity, Span};
 
 /// Whether braces may follow a statement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -90,6 +90,8 @@ pub(super) struct Line<'a> {
     pub key_span: Span,
     pub items: &'a [Item],
     pub block: Option<&'a Block>,
+    /// The statement said again, each time with another run.
+    pub again: Option<&'a Runs>,
     pub clauses: &'static [Rule],
     pub leading: usize,
     /// The table that it stands in, where that is fixed.
@@ -111,6 +113,7 @@ impl<'a> Line<'a> {
             key_span: statement.key.span,
             items: &statement.items,
             block: statement.block.as_ref(),
+            again: statement.again.as_deref(),
             clauses: &[],
             leading: 0,
             siblings: &[],
@@ -126,6 +129,7 @@ impl<'a> Line<'a> {
             key_span,
             items,
             block: None,
+            again: None,
             clauses: &[],
             leading: 0,
             siblings: &[],
@@ -270,7 +274,7 @@ impl<'a> Checker<'a> {
     fn swallowed(&mut self, line: &Line<'a>, rules: &[Rule]) -> Option<&'static str> {
         let unit = match &line.items.last()?.value {
             Value::Number { unit, .. } | Value::Range { unit, .. } => unit.as_ref()?,
-            Value::Points { unit, .. } | Value::List { unit, .. } => unit.as_ref()?,
+            Value::Points { unit, .. } | Value::List { unit, .. } | Value::Runs { unit, .. } => unit.as_ref()?,
             _ => return None,
         };
         let next = rules.iter().find(|rule| rule.key == unit.text && !is_unit(rule.key))?.key;
@@ -426,7 +430,7 @@ impl<'a> Checker<'a> {
                     Diagnostic::error("N01", extra.span, format!("`{word}` is no word of `{}`", line.of)).label(near);
                 if known.is_empty() { fault } else { fault.help(format!("known: {known}")) }
             }
-            _ if self.sources.line_column(before).0 < self.sources.line_column(extra.span).0 => {
+            _ if self.sources.line(before) < self.sources.line(extra.span) => {
                 Diagnostic::error("S03", extra.span, format!("this line goes on with `{key}` above"))
                     .label("which key was meant to stand before it?")
             }

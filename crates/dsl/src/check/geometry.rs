@@ -1,10 +1,11 @@
 //! What stands in a scene.
 
 use std::collections::BTreeSet;
+use std::ops::Deref;
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
-use sunglint_radiometry::{Dimension, unit, units_of};
+use sunglint_radiometry::{Dimension, Unit, unit, units_of};
 
 use super::Checker;
 use super::block::{Body, Braces, Line, Owner, Rule, rule};
@@ -12,9 +13,9 @@ use super::names::Kind;
 use super::polygon::{self, Fault};
 use super::spectrum::Opened;
 use super::value::{COORDINATE, Given, Quantity, SCALE, SIZE, TURN};
-use crate::ast::{Item, Value};
-use crate::scene::{Facing, Ground, Object, Pose, SceneFile, Shape};
-use crate::{Diagnostic, Severity, Span};
+use crate::ast::{Item, Value, Word};
+use crate::scene::{Facing, Ground, Object, Polygons, Pose, SceneFile, Shape};
+use crate::{Diagnostic, Runs, Severity, Span};
 
 const AT: Rule = rule("at", "at POINT");
 const HEADING: Rule = rule("heading", "heading ANGLE");
@@ -150,9 +151,17 @@ impl<'a> Checker<'a> {
             self.absent(line, "a run of corners");
             return None;
         }
-        let corners = self.corners(line, points, None)?;
-        let polygon = self.polygon(&corners, line.span())?;
-        Some(Shape::Facets { material: material?, polygons: vec![(polygon, line.span())] })
+        let corners = self.corners(line, points, None);
+        let first = corners.and_then(|corners| self.polygon(&corners, line.span()));
+        let mut polygons = Polygons::new(line.key_span.file);
+        if let Some(first) = &first {
+            polygons.push(first, line.span());
+        }
+        if let Some(runs) = line.again {
+            let given = self.resolve(&points[0], &[]);
+            self.packed(line, &given, runs, None, &mut polygons);
+        }
+        (!polygons.is_empty()).then_some(Shape::Facets { material: material?, polygons })
     }
 
     fn facets(&mut self, line: &Line<'a>) -> Option<Shape> {
@@ -164,29 +173,83 @@ impl<'a> Checker<'a> {
             return None;
         };
         let given = self.resolve(item, &[]);
-        let Value::List { rows, unit } = given.value else {
-            self.wrong(line, &given, "a list of runs of corners");
-            return None;
-        };
-        let mut polygons = Vec::with_capacity(rows.len());
-        for row in rows.iter().filter(|row| !row.is_empty()) {
-            let span = super::block::join(row[0].span, row[row.len() - 1].span);
-            if let Some(corners) = self.corners(line, row, unit.as_ref())
-                && let Some(polygon) = self.polygon(&corners, span)
-            {
-                polygons.push((polygon, span));
+        let mut polygons = Polygons::new(given.home.file);
+        match given.value {
+            Value::Runs { runs, unit } => self.packed(line, &given, runs, unit.as_ref(), &mut polygons),
+            Value::List { rows, unit } => {
+                for row in rows.iter().filter(|row| !row.is_empty()) {
+                    let span = super::block::join(row[0].span, row[row.len() - 1].span);
+                    if let Some(corners) = self.corners(line, row, unit.as_ref())
+                        && let Some(polygon) = self.polygon(&corners, span)
+                    {
+                        polygons.push(&polygon, span);
+                    }
+                }
+            }
+            _ => {
+                self.wrong(line, &given, "a list of runs of corners");
+                return None;
             }
         }
         self.surplus(line, line.items, 2);
         Some(Shape::Facets { material: material?, polygons })
     }
 
-    fn corners(
+    /// The polygons of packed runs. What is not sound is read again as if it stood alone, for its message.
+    fn packed(
         &mut self,
         line: &Line<'a>,
-        items: &'a [Item],
-        shared: Option<&crate::ast::Word>,
-    ) -> Option<Vec<(DVec3, Span)>> {
+        given: &Given<'a>,
+        runs: &Runs,
+        shared: Option<&Word>,
+        polygons: &mut Polygons,
+    ) {
+        let named = Line { key: "corner", ..*line };
+        let mut known: Option<(Option<&str>, Option<&Unit>)> = None;
+        let mut corners: Vec<DVec3> = Vec::new();
+        polygons.reserve(runs.len(), runs.vector_count());
+        for i in 0..runs.len() {
+            let run = runs.row(i);
+            let name = run.unit.or(shared.map(|word| word.text.as_str()));
+            let unit = match known {
+                Some((known, unit)) if known == name => unit,
+                _ => name.and_then(|name| unit(name, COORDINATE.of)),
+            };
+            known = Some((name, unit));
+            corners.clear();
+            if let Some(unit) = unit.filter(|_| runs.size() == 3) {
+                corners.extend(run.numbers.chunks_exact(3).map_while(|v| {
+                    let value = |number| COORDINATE.in_range(unit, number);
+                    Some(DVec3::new(value(v[0])?, value(v[1])?, value(v[2])?))
+                }));
+            }
+            if corners.len() * 3 == run.numbers.len()
+                && let Ok(polygon) = polygon::examine(&corners, PLANAR)
+            {
+                polygons.push(&polygon, run.span);
+                continue;
+            }
+            // The scene is refused, and no more is listed.
+            if self.n_errors >= super::MOST_ERRORS {
+                return;
+            }
+            let item = runs.item(i, &self.sources.get(runs.file()).text);
+            let Value::Points { points, unit: own } = &item.value else { continue };
+            let given = Given { span: item.span, home: item.span, constant: None, ..*given };
+            let mut corners = Vec::new();
+            let read =
+                self.vectors_of(&named, &given, points, own.as_ref().or(shared), 3..=3, &COORDINATE, &mut |v, span| {
+                    corners.push((DVec3::from(v), span))
+                });
+            if read.is_some()
+                && let Some(polygon) = self.polygon(&corners, run.span)
+            {
+                polygons.push(&polygon, run.span);
+            }
+        }
+    }
+
+    fn corners(&mut self, line: &Line<'a>, items: &'a [Item], shared: Option<&Word>) -> Option<Vec<(DVec3, Span)>> {
         let named = Line { key: "corner", ..*line };
         let mut corners = Vec::new();
         for item in items {
@@ -202,7 +265,7 @@ impl<'a> Checker<'a> {
     }
 
     /// A polygon that can be seen: three distinct corners and more, in a plane, not crossing itself.
-    fn polygon(&mut self, corners: &[(DVec3, Span)], span: Span) -> Option<Vec<DVec3>> {
+    fn polygon(&mut self, corners: &[(DVec3, Span)], span: Span) -> Option<impl Deref<Target = [DVec3]> + use<>> {
         let points: Vec<DVec3> = corners.iter().map(|(point, _)| *point).collect();
         let fault = match polygon::examine(&points, PLANAR) {
             Ok(polygon) => return Some(polygon),
@@ -292,31 +355,58 @@ impl<'a> Checker<'a> {
         &mut self,
         line: &Line<'a>,
         item: &'a Item,
-        shared: Option<&crate::ast::Word>,
+        shared: Option<&Word>,
         scope: Scope,
     ) -> Option<Vec<DVec3>> {
         let given = self.resolve(item, &[]);
-        let level = match given.value {
-            Value::Points { points, .. } => points.iter().position(|(numbers, _)| numbers.len() == 2),
-            _ => None,
-        };
-        if level.is_some() && matches!(scope, Scope::Object) {
-            let message = "`at (x y)` stands on the ground, which an object does not know";
-            let fault = self.misfit(&Given { constant: None, ..given }, "G04", message).label("(x y z)?");
-            self.report(fault.help("give the height as a third number"));
-            return None;
-        }
-        // Without a ground the level is that of the site, z = 0.
-        let height = self.ground_height.unwrap_or(0.0);
         let flat: Vec<bool> = match given.value {
-            Value::Points { points, .. } => points.iter().map(|(numbers, _)| numbers.len() == 2).collect(),
+            Value::Points { points, .. } => points.iter().map(|point| point.numbers().len() == 2).collect(),
             _ => Vec::new(),
         };
+        self.ground_is_known(&given, flat.contains(&true), scope)?;
+        // Without a ground the level is that of the site, z = 0.
+        let height = self.ground_height.unwrap_or(0.0);
         let mut out: Vec<DVec3> = Vec::with_capacity(flat.len());
         self.run(line, item, shared, 2..=3, &COORDINATE, &mut |v, _| {
             let level = flat.get(out.len()).copied().unwrap_or(false);
             out.push(if level { DVec3::new(v[0], v[1], height) } else { DVec3::from(v) });
         })?;
+        Some(out)
+    }
+
+    /// Reports a position without height where there is no ground to stand on.
+    fn ground_is_known(&mut self, given: &Given<'a>, level: bool, scope: Scope) -> Option<()> {
+        if level && matches!(scope, Scope::Object) {
+            let message = "`at (x y)` stands on the ground, which an object does not know";
+            let fault = self.misfit(&Given { constant: None, ..*given }, "G04", message).label("(x y z)?");
+            self.report(fault.help("give the height as a third number"));
+            return None;
+        }
+        Some(())
+    }
+
+    /// `positions` for a packed list of them.
+    fn packed_positions(
+        &mut self,
+        line: &Line<'a>,
+        given: &Given<'a>,
+        runs: &Runs,
+        shared: Option<&Word>,
+        scope: Scope,
+    ) -> Option<Vec<DVec3>> {
+        let height = self.ground_height.unwrap_or(0.0);
+        let level = runs.size() == 2;
+        let mut out = Vec::with_capacity(runs.vector_count());
+        for i in 0..runs.len() {
+            let item = runs.item(i, &self.sources.get(runs.file()).text);
+            let Value::Points { points, unit } = &item.value else { continue };
+            let given = Given { span: item.span, home: item.span, constant: None, ..*given };
+            self.ground_is_known(&given, level, scope)?;
+            let named = unit.as_ref().or(shared);
+            self.vectors_of(line, &given, points, named, 2..=3, &COORDINATE, &mut |v, _| {
+                out.push(if level { DVec3::new(v[0], v[1], height) } else { DVec3::from(v) });
+            })?;
+        }
         Some(out)
     }
 
@@ -509,11 +599,19 @@ impl<'a> Checker<'a> {
         let places = match clauses.get("at") {
             None => Some(vec![DVec3::ZERO]),
             Some(at) => match at.items.first().map(|item| self.resolve(item, &[])) {
-                Some(Given { value: Value::List { rows, unit }, span, .. }) => {
-                    let mut out = Vec::with_capacity(rows.len());
+                Some(given @ Given { value: Value::List { .. } | Value::Runs { .. }, span, .. }) => {
                     let named = Line { key: "at", ..at };
-                    for item in rows.iter().flatten() {
-                        out.extend(self.positions(&named, item, unit.as_ref(), scope)?);
+                    let mut out = Vec::new();
+                    match given.value {
+                        Value::Runs { runs, unit } => {
+                            out = self.packed_positions(&named, &given, runs, unit.as_ref(), scope)?;
+                        }
+                        Value::List { rows, unit } => {
+                            for item in rows.iter().flatten() {
+                                out.extend(self.positions(&named, item, unit.as_ref(), scope)?);
+                            }
+                        }
+                        _ => {}
                     }
                     self.surplus(&at, at.items, 1);
                     if out.is_empty() {

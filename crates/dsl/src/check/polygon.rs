@@ -1,11 +1,15 @@
 //! Whether a polygon can be seen: its corners, its plane, its edges.
 
 use glam::{DVec2, DVec3};
+use smallvec::SmallVec;
 
 /// The most corners of one polygon.
 pub(super) const MOST_CORNERS: usize = 20_000;
 /// Area below this share of the extent squared is rounding.
 const NO_AREA: f64 = 1e-13;
+
+/// Room for the corners of the usual polygon without an allocation.
+type Few<T> = SmallVec<[T; 8]>;
 
 /// What keeps a polygon from being seen. Corners and edges count from 0; edge `i` leaves corner `i`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,13 +23,13 @@ pub(super) enum Fault {
 
 /// The corners, neighbours that coincide left out, of a polygon whose corners lie within `planar` times its extent of
 /// one plane.
-pub(super) fn examine(corners: &[DVec3], planar: f64) -> Result<Vec<DVec3>, Fault> {
+pub(super) fn examine(corners: &[DVec3], planar: f64) -> Result<Few<DVec3>, Fault> {
     let n = corners.len();
     if n > MOST_CORNERS {
         return Err(Fault::TooMany(n));
     }
-    let kept: Vec<usize> = (0..n).filter(|&i| corners[i] != corners[(i + n - 1) % n] || n == 1).collect();
-    let mut distinct: Vec<[u64; 3]> =
+    let kept: Few<usize> = (0..n).filter(|&i| corners[i] != corners[(i + n - 1) % n] || n == 1).collect();
+    let mut distinct: Few<[u64; 3]> =
         kept.iter().map(|i| (corners[*i] + DVec3::ZERO).to_array().map(f64::to_bits)).collect();
     distinct.sort_unstable();
     distinct.dedup();
@@ -34,7 +38,7 @@ pub(super) fn examine(corners: &[DVec3], planar: f64) -> Result<Vec<DVec3>, Faul
     }
     // Relative to the first corner, so that a far origin costs no digits.
     let origin = corners[kept[0]];
-    let points: Vec<DVec3> = kept.iter().map(|i| corners[*i] - origin).collect();
+    let points: Few<DVec3> = kept.iter().map(|i| corners[*i] - origin).collect();
     let (low, high) = points.iter().fold((points[0], points[0]), |(low, high), p| (low.min(*p), high.max(*p)));
     let extent = (high - low).max_element();
     let furthest = |from: &dyn Fn(DVec3) -> f64| {
@@ -103,10 +107,10 @@ fn crossing(points: &[DVec3], normal: DVec3, extent: f64) -> Option<(usize, usiz
         () if axis.y >= axis.x => DVec2::new(p.x, p.z),
         () => DVec2::new(p.y, p.z),
     };
-    let corners: Vec<DVec2> = points.iter().map(|p| flat(*p)).collect();
+    let corners: Few<DVec2> = points.iter().map(|p| flat(*p)).collect();
     let n = corners.len();
     let edge = |i: usize| (corners[i], corners[(i + 1) % n]);
-    let mut order: Vec<usize> = (0..n).collect();
+    let mut order: Few<usize> = (0..n).collect();
     let left = |i: usize| edge(i).0.x.min(edge(i).1.x);
     order.sort_by(|a, b| left(*a).total_cmp(&left(*b)));
     let tolerance = 1e-12 * extent * extent;

@@ -8,7 +8,7 @@ use sunglint_radiometry::{Dimension, UNITS, Unit, unit, units_of};
 use super::Checker;
 use super::block::Line;
 use super::names::Kind;
-use crate::ast::{Item, Value, Word};
+use crate::ast::{Item, Point, Value, Word};
 use crate::nearest::list;
 use crate::parse::spelling::meant_unit;
 use crate::{Diagnostic, Span};
@@ -57,6 +57,10 @@ impl Quantity {
     }
     pub(super) const fn code(self, code: &'static str) -> Self {
         Self { code, ..self }
+    }
+    /// A number of a unit in the canonical one, where it lies in the range.
+    pub(super) fn in_range(&self, unit: &Unit, number: f64) -> Option<f64> {
+        Some(number * unit.factor + unit.offset).filter(|value| self.holds(*value))
     }
     fn holds(&self, value: f64) -> bool {
         let above = if self.low_open { value > self.low } else { value >= self.low };
@@ -231,6 +235,7 @@ impl<'a> Checker<'a> {
             Value::Points { points, .. } if points.len() == 1 => "a vector",
             Value::Points { .. } => "a run of vectors",
             Value::List { .. } => "a list",
+            Value::Runs { .. } => "a list of vectors",
             Value::Text(_) => "a string",
             Value::Moment { .. } => "a time",
         };
@@ -477,13 +482,28 @@ impl<'a> Checker<'a> {
             self.wrong(line, &given, noun);
             return None;
         };
-        let named = own.as_ref().or(shared);
+        self.vectors_of(line, &given, points, own.as_ref().or(shared), sizes, q, out)
+    }
+
+    /// `run` for the points of one.
+    #[expect(clippy::too_many_arguments, reason = "the parts of a run, and what is asked of it")]
+    pub(super) fn vectors_of(
+        &mut self,
+        line: &Line<'a>,
+        given: &Given<'a>,
+        points: &[Point],
+        named: Option<&Word>,
+        sizes: std::ops::RangeInclusive<usize>,
+        q: &Quantity,
+        out: &mut dyn FnMut([f64; 3], Span),
+    ) -> Option<()> {
         let unit_of_run = named.and_then(|word| unit(&word.text, q.of));
         if q.of != Dimension::Fraction && unit_of_run.is_none() {
-            let digits = self.shown(points.last().map_or(given.home, |(_, span)| *span));
-            return self.convert(line, &given, (0.0, &digits), named, q).map(|_| ());
+            let digits = self.shown(points.last().map_or(given.home, |point| point.span));
+            return self.convert(line, given, (0.0, &digits), named, q).map(|_| ());
         }
-        for (numbers, span) in points {
+        for point in points {
+            let (numbers, span) = (point.numbers(), point.span);
             if !sizes.contains(&numbers.len()) {
                 let (low, high) = (sizes.start(), sizes.end());
                 let due = if low == high { low.to_string() } else { format!("{low} or {high}") };
@@ -493,21 +513,21 @@ impl<'a> Checker<'a> {
                     (3, 2) => "(x y)?",
                     _ => "",
                 };
-                self.report(Diagnostic::error("U04", *span, message).label(label));
+                self.report(Diagnostic::error("U04", span, message).label(label));
                 return None;
             }
             let mut vector = [0.0; 3];
             for (slot, number) in vector.iter_mut().zip(numbers) {
-                let quick = unit_of_run.map(|unit| number * unit.factor + unit.offset).filter(|value| q.holds(*value));
+                let quick = unit_of_run.and_then(|unit| q.in_range(unit, *number));
                 *slot = match quick {
                     Some(value) => value,
                     None => {
-                        let whole = Given { span: if given.constant.is_some() { given.span } else { *span }, ..given };
+                        let whole = Given { span: if given.constant.is_some() { given.span } else { span }, ..*given };
                         self.convert(line, &whole, (*number, &written(*number)), named, q)?
                     }
                 };
             }
-            out(vector, *span);
+            out(vector, span);
         }
         Some(())
     }

@@ -91,6 +91,19 @@ struct Opener {
     inner: Option<usize>,
 }
 
+/// Bytes that mean nothing here, unless a line begins with them.
+const PLAIN: [bool; 256] = {
+    let mut plain = [true; 256];
+    let mut i = 0;
+    while i < SIGNS.len() {
+        plain[SIGNS[i] as usize] = false;
+        i += 1;
+    }
+    plain
+};
+/// Line breaks, braces, brackets, and what strings and comments begin with.
+const SIGNS: &[u8] = b"\n{}[]#/\"\xC2\xE2";
+
 fn walk(bytes: &[u8], by_layout: bool) -> Unmatched {
     let mut found = Unmatched::default();
     let mut stack: Vec<Opener> = Vec::new();
@@ -137,6 +150,9 @@ fn walk(bytes: &[u8], by_layout: bool) -> Unmatched {
                     _ => {}
                 }
                 pos = quoted(bytes, pos).map_or(pos + 1, |string| string.end.max(pos + 1));
+                while bytes.get(pos).is_some_and(|byte| PLAIN[usize::from(*byte)]) {
+                    pos += 1;
+                }
             }
         }
     }

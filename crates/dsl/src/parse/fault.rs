@@ -19,6 +19,11 @@ impl<'a> Faults<'a> {
         Self { file, first: list.len(), list, muted: false, unlisted: None }
     }
 
+    /// This file.
+    pub(super) fn file(&self) -> FileId {
+        self.file
+    }
+
     /// A place in this file.
     pub(super) fn span(&self, start: usize, end: usize) -> Span {
         Span { file: self.file, start: start as u32, end: end as u32 }

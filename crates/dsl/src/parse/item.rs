@@ -56,6 +56,11 @@ pub(super) enum Lexeme {
 pub(super) fn statement(line: &mut Line, source: &str, faults: &mut Faults) -> Option<(Word, Vec<Item>)> {
     let mut tokens = Vec::new();
     read(Rule::statement, line, source, faults, &mut tokens);
+    keyed(&mut tokens, source, faults)
+}
+
+/// A statement of its tokens, which are taken: the first is its key.
+pub(super) fn keyed(tokens: &mut Vec<Token>, source: &str, faults: &mut Faults) -> Option<(Word, Vec<Item>)> {
     if tokens.is_empty() {
         return None;
     }
@@ -73,7 +78,7 @@ pub(super) fn statement(line: &mut Line, source: &str, faults: &mut Faults) -> O
         let fault = Diagnostic::error("S02", span, format!("`{}` has more than one `.`", key.text));
         faults.push(fault.label("`prefix.name`"));
     }
-    Some((key, items(&mut tokens, source, faults)))
+    Some((key, items(tokens, source, faults)))
 }
 
 /// Reads a row of a list.
@@ -338,6 +343,7 @@ fn unit_place(value: &mut Value) -> Option<&mut Option<Word>> {
             };
             rows.iter().flatten().any(bare).then_some(unit)
         }
+        Value::Runs { runs, unit } => runs.has_bare().then_some(unit),
         _ => None,
     }
 }

@@ -1,6 +1,8 @@
 //! Strings, comments and numbers in raw text, as bytes: shared by the pairing of braces and by the scanner, so that
 //! both agree on what is quoted.
 
+use super::spelling::ascii;
+
 /// A string that begins at some place.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Quoted {
@@ -87,6 +89,73 @@ pub(super) fn number_end(bytes: &[u8], at: usize) -> Option<usize> {
         }
     }
     Some(end)
+}
+
+/// The number that begins at `at`, and its end: the same number as [`str::parse`] reads there, infinite beyond an `f64`.
+///
+/// Up to 2⁵³ and 10²², whole part and power of ten are exact, so that their quotient is the nearest number [Clinger1990].
+pub(super) fn number_at(text: &str, at: usize) -> Option<(f64, usize)> {
+    const POWERS: [f64; 23] = [
+        1e0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9, 1e10, 1e11, 1e12, 1e13, 1e14, 1e15, 1e16, 1e17, 1e18, 1e19,
+        1e20, 1e21, 1e22,
+    ];
+    let bytes = text.as_bytes();
+    let from = at + usize::from(matches!(bytes.get(at), Some(b'+' | b'-')));
+    let (mut pos, mut whole) = (from, 0u64);
+    while let Some(digit) = bytes.get(pos).map(|byte| byte.wrapping_sub(b'0')).filter(|digit| *digit < 10) {
+        whole = whole.wrapping_mul(10).wrapping_add(u64::from(digit));
+        pos += 1;
+    }
+    let mut digits = pos - from;
+    if digits == 0 {
+        return None;
+    }
+    let mut power = 0;
+    if bytes.get(pos) == Some(&b'.') && bytes.get(pos + 1).is_some_and(u8::is_ascii_digit) {
+        let point = pos + 1;
+        pos = point;
+        while let Some(digit) = bytes.get(pos).map(|byte| byte.wrapping_sub(b'0')).filter(|digit| *digit < 10) {
+            whole = whole.wrapping_mul(10).wrapping_add(u64::from(digit));
+            pos += 1;
+        }
+        power = pos - point;
+        digits += power;
+    }
+    if digits <= 19 && whole <= 1 << 53 && power < POWERS.len() && !matches!(bytes.get(pos), Some(b'e' | b'E')) {
+        let value = whole as f64 / POWERS[power];
+        return Some((if bytes[at] == b'-' { -value } else { value }, pos));
+    }
+    let end = number_end(bytes, at)?;
+    Some((text[at..end].parse().ok()?, end))
+}
+
+/// Whether a value begins at `at`, with which a line continues the statement above.
+pub(super) fn value_at(text: &str, at: usize) -> bool {
+    match text.as_bytes().get(at..) {
+        Some([b'(' | b'[' | b'"' | b'0'..=b'9', ..]) => true,
+        Some([b'+' | b'-', b'0'..=b'9', ..] | [b'.', b'0'..=b'9', ..] | [b'+' | b'-', b'.', b'0'..=b'9', ..]) => true,
+        Some([byte, ..]) if *byte >= 0x80 => {
+            let mut rest = text[at..].chars();
+            match rest.next().and_then(ascii) {
+                Some("\"") => true,
+                Some("-") => rest.next().is_some_and(|next| next.is_ascii_digit()),
+                _ => false,
+            }
+        }
+        _ => false,
+    }
+}
+
+/// The first byte from `pos` on that is no blank and in no comment.
+pub(super) fn significant(bytes: &[u8], mut pos: usize) -> usize {
+    while let Some(&byte) = bytes.get(pos) {
+        match byte {
+            b' ' | b'\t' | b'\r' | b'\n' => pos += 1,
+            b'#' => pos = line_end(bytes, pos),
+            _ => break,
+        }
+    }
+    pos
 }
 
 /// The number that `text` is, if it is one; infinite where it is beyond an `f64`.

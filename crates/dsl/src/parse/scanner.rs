@@ -4,10 +4,10 @@ use super::brace::{Unmatched, unmatched};
 use super::fault::Faults;
 use super::item::{self, Lexeme, Token};
 use super::line::Line;
-use super::mark::{comment, foreign_comment, line_end, number, number_end, quoted};
+use super::mark::{comment, foreign_comment, line_end, number, number_at, quoted, significant, value_at};
 use super::{MAX_DEPTH, spelling};
-use crate::ast::{Block, Item, Statement, Value};
-use crate::{Diagnostic, Span};
+use crate::ast::{Block, Item, Point, Statement, Value, Word};
+use crate::{Diagnostic, Runs, Span};
 
 /// The statements of a text.
 pub(super) fn statements(text: &str, faults: Faults) -> Vec<Statement> {
@@ -20,6 +20,7 @@ pub(super) fn statements(text: &str, faults: Faults) -> Vec<Statement> {
         braces,
         faults,
         line: Line::default(),
+        tokens: Vec::new(),
         nested: 0,
         nested_told: false,
     };
@@ -35,6 +36,7 @@ struct Scanner<'a> {
     braces: Unmatched,
     faults: Faults<'a>,
     line: Line,
+    tokens: Vec<Token>,
     /// Lists within the list that is being read.
     nested: usize,
     /// Whether that was reported.
@@ -84,7 +86,9 @@ impl Scanner<'_> {
                     self.skip_block();
                 }
                 _ if self.at_word() => {
-                    statements.extend(self.statement(depth));
+                    if !statements.last_mut().is_some_and(|last| self.again(last)) {
+                        statements.extend(self.statement(depth));
+                    }
                     quiet = false;
                 }
                 _ => {
@@ -151,28 +155,9 @@ impl Scanner<'_> {
         }
     }
 
-    /// Whether a value begins at `at`, with which a line continues the statement above.
-    fn value_at(&self, at: usize) -> bool {
-        match self.bytes.get(at..) {
-            Some([b'(' | b'[' | b'"' | b'0'..=b'9', ..]) => true,
-            Some([b'+' | b'-', b'0'..=b'9', ..] | [b'.', b'0'..=b'9', ..] | [b'+' | b'-', b'.', b'0'..=b'9', ..]) => {
-                true
-            }
-            Some([byte, ..]) if *byte >= 0x80 => {
-                let mut rest = self.text[at..].chars();
-                match rest.next().and_then(spelling::ascii) {
-                    Some("\"") => true,
-                    Some("-") => rest.next().is_some_and(|next| next.is_ascii_digit()),
-                    _ => false,
-                }
-            }
-            _ => false,
-        }
-    }
-
     fn report_keyless(&mut self, blank: &Blank) {
         let start = self.pos;
-        if !self.value_at(start) {
+        if !value_at(self.text, start) {
             let end = start + self.char().len_utf8();
             let sign = spelling::shown(self.char());
             let fault =
@@ -201,10 +186,17 @@ impl Scanner<'_> {
     /// One statement with its block.
     fn statement(&mut self, depth: usize) -> Option<Statement> {
         let start = self.pos;
-        let has_block = self.header();
-        let mut line = std::mem::take(&mut self.line);
-        let read = item::statement(&mut line, self.text, &mut self.faults);
-        self.line = line;
+        let mut tokens = std::mem::take(&mut self.tokens);
+        let (has_block, read) = if self.quick_header(&mut tokens) {
+            (self.peek() == Some(b'{'), item::keyed(&mut tokens, self.text, &mut self.faults))
+        } else {
+            let has_block = self.header();
+            let mut line = std::mem::take(&mut self.line);
+            let read = item::statement(&mut line, self.text, &mut self.faults);
+            self.line = line;
+            (has_block, read)
+        };
+        self.tokens = tokens;
         let block = if has_block { self.block(depth) } else { None };
         let (key, items) = match read {
             Some(read) => read,
@@ -216,7 +208,165 @@ impl Scanner<'_> {
             }
         };
         let span = items.last().map_or(key.span, |item| key.span.to(item.span));
-        Some(Statement { key, items, block, span })
+        Some(Statement { key, items, block, span, again: None })
+    }
+
+    /// Reads a statement that says the last one again with another run, to the end of its line: the same key, the same
+    /// word, a plain run. `false`, nothing read, where it is anything else.
+    fn again(&mut self, last: &mut Statement) -> bool {
+        let [Item { value: Value::Word(word), .. }, Item { value: Value::Points { points, .. }, .. }] = &last.items[..]
+        else {
+            return false;
+        };
+        let start = self.pos;
+        let blanks = |at: usize| at + self.bytes[at..].iter().take_while(|b| matches!(b, b' ' | b'\t')).count();
+        let same = |at: usize, text: &str| self.bytes[at..].starts_with(text.as_bytes()).then(|| at + text.len());
+        let behind_key = same(start, &last.key.text).filter(|at| blanks(*at) > *at);
+        let Some(at) = behind_key.and_then(|at| same(blanks(at), word)).map(blanks) else { return false };
+        if last.block.is_some() || self.bytes.get(at) != Some(&b'(') {
+            return false;
+        }
+        let mut runs = match last.again.take() {
+            Some(runs) => runs,
+            None => {
+                let size = points.first().map_or(0, |point| point.numbers().len());
+                if size == 0 || points.iter().any(|point| point.numbers().len() != size) {
+                    return false;
+                }
+                Box::new(Runs::new(self.faults.file(), size))
+            }
+        };
+        self.pos = at;
+        let read = self.quick_run(&mut runs, start, |text, at| match text.as_bytes().get(at) {
+            None | Some(b',' | b'}') => true,
+            Some(b'\n' | b'#') => {
+                let next = significant(text.as_bytes(), at);
+                text.as_bytes().get(next) != Some(&b'{') && !value_at(text, next)
+            }
+            _ => false,
+        });
+        if !read {
+            self.pos = start;
+        }
+        last.again = Some(runs).filter(|runs| !runs.is_empty());
+        read
+    }
+
+    /// Reads a run of plain vectors and its unit, if it has one, up to where `ends` says that it may end; the run counts
+    /// from `start`. `false`, and `runs` as it was, where there is anything else.
+    fn quick_run(&mut self, runs: &mut Runs, start: usize, ends: fn(&str, usize) -> bool) -> bool {
+        let mut pos = self.pos;
+        let mut end = pos;
+        let mut unit = None;
+        loop {
+            match self.bytes.get(pos) {
+                Some(b' ' | b'\t' | b'\r') => pos += 1,
+                Some(b'(') if unit.is_none() => {
+                    let Some((numbers, n, behind)) = plain_vector(self.text, pos).filter(|v| v.1 == runs.size()) else {
+                        break;
+                    };
+                    runs.extend(&numbers[..n]);
+                    (pos, end) = (behind, behind);
+                }
+                Some(byte) if unit.is_none() && (byte.is_ascii_alphabetic() || matches!(byte, b'/' | b'%')) => {
+                    let len = self.bytes[pos..].iter().take_while(|byte| is_unit_part(**byte)).count();
+                    let text = &self.text[pos..pos + len];
+                    if len == 0 || !spelling::is_unit(text) {
+                        break;
+                    }
+                    unit = Some(text);
+                    pos += len;
+                    end = pos;
+                }
+                _ => {
+                    if !ends(self.text, pos) || !runs.close(unit, start, end) {
+                        break;
+                    }
+                    self.pos = pos;
+                    return true;
+                }
+            }
+        }
+        runs.drop_open();
+        false
+    }
+
+    /// Reads the words, plain numbers, units, strings, runs and lists of a statement up to its block or its end without
+    /// the grammar, to the same effect. `false`, nothing read, where there is anything else.
+    fn quick_header(&mut self, tokens: &mut Vec<Token>) -> bool {
+        tokens.clear();
+        let (start, known) = (self.pos, self.faults.len());
+        loop {
+            let at = self.pos;
+            let next = match self.peek() {
+                None | Some(b',' | b'{' | b'}') => return true,
+                Some(b' ' | b'\t' | b'\r') => {
+                    self.pos += 1;
+                    continue;
+                }
+                Some(b'\n' | b'#') => {
+                    let next = significant(self.bytes, at);
+                    if self.bytes.get(next) == Some(&b'{') {
+                        self.pos = next;
+                        return true;
+                    }
+                    if !value_at(self.text, next) {
+                        return true;
+                    }
+                    None
+                }
+                Some(b'"') => quoted(self.bytes, at).filter(|string| string.closed).and_then(|string| {
+                    let content = &self.text[string.from..string.to];
+                    self.pos = string.end;
+                    (!content.contains('\\')).then(|| Lexeme::Value(Value::Text(content.to_string())))
+                }),
+                Some(byte @ (b'(' | b'[')) if !tokens.is_empty() => {
+                    let (value, span) = if byte == b'(' { self.points(false) } else { self.list() };
+                    tokens.push(Token { lexeme: Lexeme::Value(value), span, breaks: false });
+                    continue;
+                }
+                _ => self.quick_lexeme(),
+            };
+            let delimited =
+                matches!(self.peek(), None | Some(b' ' | b'\t' | b'\r' | b'\n' | b',' | b'(' | b'{' | b'}' | b'#'));
+            match next.filter(|_| delimited) {
+                Some(lexeme) => tokens.push(Token { lexeme, span: self.faults.span(at, self.pos), breaks: false }),
+                None => {
+                    self.pos = start;
+                    self.faults.truncate(known);
+                    return false;
+                }
+            }
+        }
+    }
+
+    /// A plain number, a word or a unit.
+    fn quick_lexeme(&mut self) -> Option<Lexeme> {
+        let at = self.pos;
+        match self.peek()? {
+            b'0'..=b'9' | b'+' | b'-' => {
+                let (number, end) = number_at(self.text, at)?;
+                self.pos = end;
+                let digits = self.text[at..end].to_string();
+                number.is_finite().then_some(Lexeme::Value(Value::Number { number, digits, unit: None }))
+            }
+            byte if byte.is_ascii_alphabetic() => {
+                let part = |byte: &&u8| byte.is_ascii_alphanumeric() || **byte == b'_';
+                let word = self.bytes[at..].iter().take_while(part).count();
+                let len = match self.bytes.get(at + word) {
+                    Some(b'/' | b'%' | b'^' | b'-') => {
+                        self.bytes[at..].iter().take_while(|byte| is_unit_part(**byte)).count()
+                    }
+                    _ => word,
+                };
+                self.pos = at + len;
+                let text = &self.text[at..self.pos];
+                let lexeme = |text: String| if len > word { Lexeme::Unit(text) } else { Lexeme::Word(text) };
+                // between numbers, `x` makes a grid
+                (text != "x").then(|| lexeme(text.to_string()))
+            }
+            _ => None,
+        }
     }
 
     /// The block that begins here. `None` where it is nested too deeply.
@@ -293,18 +443,6 @@ impl Scanner<'_> {
         self.peek() == Some(b'{')
     }
 
-    /// The next byte that is no blank and no comment.
-    fn significant(&self, mut pos: usize) -> usize {
-        while let Some(&byte) = self.bytes.get(pos) {
-            match byte {
-                b' ' | b'\t' | b'\r' | b'\n' => pos += 1,
-                b'#' => pos = line_end(self.bytes, pos),
-                _ => break,
-            }
-        }
-        pos
-    }
-
     /// Reads into `self.line` up to the end of a statement's line, or of a row of a list.
     fn scan(&mut self, row: bool) {
         while let Some(byte) = self.peek() {
@@ -313,8 +451,8 @@ impl Scanner<'_> {
                 b',' | b';' | b'{' | b'}' => return,
                 b'\n' | b'#' if row => return,
                 b'\n' | b'#' => {
-                    let next = self.significant(at);
-                    if self.bytes.get(next) != Some(&b'{') && !self.value_at(next) {
+                    let next = significant(self.bytes, at);
+                    if self.bytes.get(next) != Some(&b'{') && !value_at(self.text, next) {
                         return;
                     }
                     self.line.push(at, " ");
@@ -431,54 +569,39 @@ impl Scanner<'_> {
             points.push(self.vector(&mut unit));
             let next = match row {
                 true => self.pos + self.bytes[self.pos..].iter().take_while(|b| matches!(b, b' ' | b'\t')).count(),
-                false => self.significant(self.pos),
+                false => significant(self.bytes, self.pos),
             };
             match self.bytes.get(next) {
                 Some(b'(') => self.pos = next,
-                Some(b',') if !row && self.bytes.get(self.significant(next + 1)) == Some(&b'(') => {
+                Some(b',') if !row && self.bytes.get(significant(self.bytes, next + 1)) == Some(&b'(') => {
                     if !std::mem::replace(&mut commas, true) {
                         let span = self.faults.span(next, next + 1);
                         let fault = Diagnostic::error("S02", span, "no comma stands between the points of a run");
                         self.faults.push(fault.label("leave it out"));
                     }
-                    self.pos = self.significant(next + 1);
+                    self.pos = significant(self.bytes, next + 1);
                 }
                 _ => break,
             }
         }
-        let end = points.last().map_or(self.pos, |(_, span): &(Vec<f64>, Span)| span.end as usize);
+        let end = points.last().map_or(self.pos, |point: &Point| point.span.end as usize);
         (Value::Points { points, unit }, self.faults.span(start, end))
     }
 
     /// `(x y z)`: the usual case at full speed.
-    fn vector(&mut self, unit: &mut Option<crate::ast::Word>) -> (Vec<f64>, Span) {
+    fn vector(&mut self, unit: &mut Option<Word>) -> Point {
         let start = self.pos;
-        let mut numbers = Vec::with_capacity(3);
-        let mut pos = start + 1;
-        loop {
-            match self.bytes.get(pos) {
-                Some(b' ' | b'\t' | b'\n' | b'\r') => pos += 1,
-                Some(b')') if matches!(numbers.len(), 2 | 3) => {
-                    self.pos = pos + 1;
-                    return (numbers, self.faults.span(start, pos + 1));
-                }
-                Some(b'0'..=b'9' | b'+' | b'-') => {
-                    let Some(end) = number_end(self.bytes, pos) else { break };
-                    let Ok(value) = self.text[pos..end].parse::<f64>() else { break };
-                    if !value.is_finite() || !matches!(self.bytes.get(end), Some(b' ' | b'\t' | b'\n' | b'\r' | b')')) {
-                        break;
-                    }
-                    numbers.push(value);
-                    pos = end;
-                }
-                _ => break,
+        match plain_vector(self.text, start) {
+            Some((numbers, n, end)) => {
+                self.pos = end;
+                Point::new(&numbers[..n], self.faults.span(start, end))
             }
+            None => self.faulty_vector(unit),
         }
-        self.faulty_vector(unit)
     }
 
     /// A vector that is not as it should be, or holds a comment.
-    fn faulty_vector(&mut self, unit: &mut Option<crate::ast::Word>) -> (Vec<f64>, Span) {
+    fn faulty_vector(&mut self, unit: &mut Option<Word>) -> Point {
         let (start, known) = (self.pos, self.faults.len());
         let mut numbers = Vec::new();
         let mut told = false;
@@ -488,9 +611,9 @@ impl Scanner<'_> {
             match self.peek() {
                 Some(b' ' | b'\t' | b'\r') => self.pos += 1,
                 Some(b'\n' | b'#') => {
-                    let next = self.significant(at);
+                    let next = significant(self.bytes, at);
                     if self.bytes.get(next) != Some(&b')')
-                        && (!self.value_at(next) || matches!(self.bytes[next], b'(' | b'[' | b'"'))
+                        && (!value_at(self.text, next) || matches!(self.bytes[next], b'(' | b'[' | b'"'))
                     {
                         break false;
                     }
@@ -541,7 +664,7 @@ impl Scanner<'_> {
                                 let meant = spelling::meant_unit(&text).unwrap_or_default().to_string();
                                 let fault = Diagnostic::error("U04", span, "the unit of a vector stands behind it");
                                 let fault = fault.label(format!("`(x y z) {meant}`"));
-                                unit.get_or_insert(crate::ast::Word { text: meant, span });
+                                unit.get_or_insert(Word { text: meant, span });
                                 fault
                             } else {
                                 numbers.push(1.0);
@@ -578,7 +701,7 @@ impl Scanner<'_> {
         if !matches!(numbers.len(), 2 | 3) {
             numbers.resize(3, 0.0);
         }
-        (numbers, span)
+        Point::new(&numbers, span)
     }
 
     /// A list: one value. One that is never closed ends with its line.
@@ -591,7 +714,9 @@ impl Scanner<'_> {
         }
         let outer = std::mem::take(&mut self.line);
         (self.nested, self.nested_told) = (0, false);
-        let mut rows = Vec::new();
+        let mut rows: Vec<Vec<Item>> = Vec::new();
+        // What the list holds while all of its rows are runs of vectors of one size.
+        let mut packed: Option<Runs> = None;
         let mut tokens = Vec::new();
         self.pos += 1;
         loop {
@@ -611,7 +736,16 @@ impl Scanner<'_> {
                     self.nested -= 1;
                 }
                 Some(_) if comment(self.bytes, self.pos) => self.skip_comment(),
-                Some(_) => {
+                Some(byte) => {
+                    let at = self.pos;
+                    if byte == b'('
+                        && let Some(runs) = &mut packed
+                        && self.quick_run(runs, at, |text, at| {
+                            matches!(text.as_bytes().get(at), Some(b',' | b'\n' | b']' | b'#'))
+                        })
+                    {
+                        continue;
+                    }
                     if !self.quick_row(&mut tokens) {
                         self.line.clear();
                         self.scan(true);
@@ -619,15 +753,32 @@ impl Scanner<'_> {
                         item::row(&mut self.line, self.text, &mut self.faults, &mut tokens);
                     }
                     let items: Vec<Item> = item::items(&mut tokens, self.text, &mut self.faults);
-                    if !items.is_empty() {
-                        rows.push(items);
+                    if items.is_empty() {
+                        continue;
                     }
+                    if rows.is_empty()
+                        && let [Item { value: Value::Points { points, unit }, span }] = &items[..]
+                    {
+                        let size = points.first().map_or(3, |point| point.numbers().len());
+                        let runs = packed.get_or_insert_with(|| Runs::new(self.faults.file(), size));
+                        if runs.push(points, unit.as_ref().map(|unit| unit.text.as_str()), *span) {
+                            continue;
+                        }
+                    }
+                    if let Some(runs) = packed.take() {
+                        rows.extend((0..runs.len()).map(|i| vec![runs.item(i, self.text)]));
+                    }
+                    rows.push(items);
                 }
             }
         }
         self.line = outer;
         let end = start + self.text[start..self.pos].trim_ascii_end().len();
-        (Value::List { rows, unit: None }, self.faults.span(start, end))
+        let value = match packed {
+            Some(runs) => Value::Runs { runs: Box::new(runs), unit: None },
+            None => Value::List { rows, unit: None },
+        };
+        (value, self.faults.span(start, end))
     }
 
     /// Reads a row of plain numbers, words, units and vectors without the grammar, to the same effect. Returns `false`,
@@ -643,34 +794,12 @@ impl Scanner<'_> {
                     continue;
                 }
                 Some(b',' | b'\n' | b']' | b'#') => return true,
-                Some(b'0'..=b'9' | b'+' | b'-') => number_end(self.bytes, at).and_then(|end| {
-                    let digits = &self.text[at..end];
-                    self.pos = end;
-                    let number = digits.parse().ok().filter(|number: &f64| number.is_finite())?;
-                    Some(Lexeme::Value(Value::Number { number, digits: digits.to_string(), unit: None }))
-                }),
-                Some(byte) if byte.is_ascii_alphabetic() => {
-                    let part = |byte: &u8| byte.is_ascii_alphanumeric() || *byte == b'_';
-                    let word = self.bytes[at..].iter().take_while(|byte| part(byte)).count();
-                    let unit = |byte: &u8| part(byte) || matches!(byte, b'/' | b'%' | b'^' | b'*' | b'-');
-                    let len = match self.bytes.get(at + word) {
-                        Some(b'/' | b'%' | b'^' | b'-') => {
-                            self.bytes[at..].iter().take_while(|byte| unit(byte)).count()
-                        }
-                        _ => word,
-                    };
-                    self.pos = at + len;
-                    let text = self.text[at..self.pos].to_string();
-                    let lexeme = if len > word { Lexeme::Unit(text) } else { Lexeme::Word(text) };
-                    // between numbers, `x` makes a grid
-                    (&self.text[at..self.pos] != "x").then_some(lexeme)
-                }
                 Some(b'(') => {
                     let (value, span) = self.points(true);
                     tokens.push(Token { lexeme: Lexeme::Value(value), span, breaks: false });
                     continue;
                 }
-                _ => None,
+                _ => self.quick_lexeme(),
             };
             let delimited = matches!(self.peek(), Some(b' ' | b'\t' | b'\r' | b'\n' | b',' | b']' | b'(' | b'#'));
             match lexeme.filter(|_| delimited) {
@@ -683,6 +812,32 @@ impl Scanner<'_> {
             }
         }
     }
+}
+
+/// A vector of two or three plain numbers without a comment, how many they are, and its end.
+fn plain_vector(text: &str, at: usize) -> Option<([f64; 3], usize, usize)> {
+    let bytes = text.as_bytes();
+    let (mut numbers, mut n, mut pos) = ([0.0; 3], 0, at + 1);
+    loop {
+        match bytes.get(pos)? {
+            b' ' | b'\t' | b'\n' | b'\r' => pos += 1,
+            b')' if n >= 2 => return Some((numbers, n, pos + 1)),
+            b'0'..=b'9' | b'+' | b'-' if n < 3 => {
+                let (value, end) = number_at(text, pos)?;
+                if !value.is_finite() || !matches!(bytes.get(end), Some(b' ' | b'\t' | b'\n' | b'\r' | b')')) {
+                    return None;
+                }
+                numbers[n] = value;
+                n += 1;
+                pos = end;
+            }
+            _ => return None,
+        }
+    }
+}
+
+fn is_unit_part(byte: u8) -> bool {
+    byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'/' | b'%' | b'^' | b'*' | b'-')
 }
 
 fn is_letter(character: char) -> bool {
