@@ -19,7 +19,7 @@ use sunglint_plugin::{Catalog, Role};
 
 use self::block::{Body, Braces, Line, Owner, Rule, inherit, rule};
 use self::experiment::{Choice, EXPERIMENT};
-use self::geometry::{GEOMETRY, GROUND_RULE, Scope, materials_of};
+use self::geometry::{GEOMETRY, GROUND_RULE, Scope, TERRAIN_RULE, materials_of};
 use self::material::MATERIAL_HEAD;
 use self::names::{Kind, Names};
 use self::sensor::SENSOR;
@@ -57,7 +57,6 @@ pub fn check(
         poisoned: BTreeSet::new(),
         in_experiment: false,
         opening: true,
-        ground_height: None,
         placements: 0,
         meshes: HashMap::new(),
         files: HashMap::new(),
@@ -144,7 +143,6 @@ struct Checker<'a> {
     in_experiment: bool,
     /// Whether files are opened: not for what nothing uses.
     opening: bool,
-    ground_height: Option<f64>,
     placements: usize,
     /// The items that name the files of meshes, by their place.
     meshes: HashMap<Span, &'a Item>,
@@ -166,7 +164,7 @@ const SCENE: &[Rule] = &[
     rule("atmosphere", "atmosphere MODEL").leading(1).braces(Braces::Optional),
     rule("material", "material NAME { … }").many().leading(1).clauses(MATERIAL_HEAD).braces(Braces::Optional),
     rule("object", "object NAME { … }").many().leading(1).braces(Braces::Required),
-    rule("terrain", "terrain STRING { … }").many().leading(1).braces(Braces::Optional).later(Severity::Error),
+    TERRAIN_RULE,
     GROUND_RULE,
     rule("periodic", "periodic POINT2 POINT2").many().later(Severity::Error),
     rule("sensor", "sensor NAME { … }").many().leading(1).clauses(LIKE_SENSOR).braces(Braces::Optional),
@@ -276,6 +274,7 @@ impl<'a> Checker<'a> {
         }
 
         let ground = self.ground(&top);
+        let terrain = self.terrain(&top);
         let mut world = self.shapes(&top, Scope::World);
         let mut objects: Vec<_> = (top.all("object"))
             .map(|line| {
@@ -300,8 +299,11 @@ impl<'a> Checker<'a> {
         let bodies = self
             .lineages(&found, Kind::Material, &rules, |old, new| material::identity(old) == material::identity(new));
         let mut used = vec![false; found.len()];
+        let of_terrain =
+            terrain.iter().flat_map(|t| t.maps.iter().map(|(_, material, _)| *material).chain([t.material]));
+        let stands = ground.map(|ground| ground.material).into_iter().chain(of_terrain);
         let shapes = std::iter::once(&world).chain(objects.iter().map(|object| &object.shapes));
-        for material in shapes.flat_map(|shapes| materials_of(shapes)).chain(ground.map(|ground| ground.material)) {
+        for material in shapes.flat_map(|shapes| materials_of(shapes)).chain(stands) {
             used[material] = true;
         }
         let codes = self.codes(&found);
@@ -337,7 +339,20 @@ impl<'a> Checker<'a> {
         if experiments.is_empty() {
             experiments.push(self.default_experiment(&choice));
         }
-        Scene { title, site, collects, weathers, atmosphere, materials, objects, world, ground, sensors, experiments }
+        Scene {
+            title,
+            site,
+            collects,
+            weathers,
+            atmosphere,
+            materials,
+            objects,
+            world,
+            terrain,
+            ground,
+            sensors,
+            experiments,
+        }
     }
 
     /// Whether a statement that seems missing may be one that could not be read.

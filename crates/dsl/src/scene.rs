@@ -27,6 +27,8 @@ pub struct Scene {
     pub objects: Vec<Object>,
     /// Geometry in the world frame.
     pub world: Vec<Shape>,
+    /// The surface over a grid of heights.
+    pub terrain: Option<Terrain>,
     /// The endless plane.
     pub ground: Option<Ground>,
     /// Sensors, at least one.
@@ -224,8 +226,10 @@ pub struct Material {
 /// Where and how a thing stands: applied as scale, roll, pitch, heading, at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Pose {
-    /// Position \[m\]; `at (x y)` has been put on the ground.
+    /// Position \[m\]; where `on_surface`, z counts from the terrain, the ground or z = 0 there.
     pub at: DVec3,
+    /// Whether it stands on what lies below or above it, as `at (x y)` says.
+    pub on_surface: bool,
     /// Clockwise from north \[rad\].
     pub heading: f64,
     /// Nose up \[rad\].
@@ -238,7 +242,7 @@ pub struct Pose {
 
 impl Default for Pose {
     fn default() -> Self {
-        Self { at: DVec3::ZERO, heading: 0.0, pitch: 0.0, roll: 0.0, scale: 1.0 }
+        Self { at: DVec3::ZERO, on_surface: false, heading: 0.0, pitch: 0.0, roll: 0.0, scale: 1.0 }
     }
 }
 
@@ -349,6 +353,34 @@ pub enum Shape {
         /// Where it is said.
         span: Span,
     },
+    /// A disk about its centre.
+    Disk {
+        /// Index of the material.
+        material: usize,
+        /// Radius \[m\].
+        radius: f64,
+        /// Sides of the polygon that stands for the circle.
+        sides: u32,
+        /// Where it faces.
+        facing: Facing,
+        /// Pose; `at` is the centre.
+        pose: Pose,
+        /// Where it is said.
+        span: Span,
+    },
+    /// A cylinder or cone on the centre of its base, or a sphere about its centre.
+    Solid {
+        /// Index of the material.
+        material: usize,
+        /// What it is.
+        form: Solid,
+        /// Sides of the polygons that stand for circles.
+        sides: u32,
+        /// Pose.
+        pose: Pose,
+        /// Where it is said.
+        span: Span,
+    },
     /// A mesh from a file.
     Mesh {
         /// The OBJ file.
@@ -373,6 +405,120 @@ pub enum Shape {
         /// Where it is said.
         span: Span,
     },
+    /// Members of a region at random.
+    Scatter(Scatter),
+}
+
+/// A round solid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Solid {
+    /// Upright.
+    Cylinder {
+        /// Radius \[m\].
+        radius: f64,
+        /// Height \[m\].
+        height: f64,
+    },
+    /// Upright.
+    Cone {
+        /// Radius of the base \[m\].
+        radius: f64,
+        /// Height \[m\].
+        height: f64,
+    },
+    /// About its centre.
+    Sphere {
+        /// Radius \[m\].
+        radius: f64,
+    },
+}
+
+/// Members of a region at random.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scatter {
+    /// Index in [`Scene::objects`].
+    pub object: usize,
+    /// How many.
+    pub count: u64,
+    /// Where, about the pose's `at`.
+    pub region: Region,
+    /// Pose of the whole; its scale is 1. Members of a rectangle that is `on_surface` stand there one by one.
+    pub pose: Pose,
+    /// Scales of the members, from and to.
+    pub scale: (f64, f64),
+    /// Headings of the members beside the pose's own, from and to \[rad\].
+    pub heading: (f64, f64),
+    /// Least distance between members \[m\].
+    pub spacing: Option<f64>,
+    /// Distribution of inclinations.
+    pub leaves: Option<Leaves>,
+    /// Seed.
+    pub seed: u64,
+    /// Where it is said.
+    pub span: Span,
+}
+
+/// Where members lie, about a centre.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Region {
+    /// A ball.
+    Sphere {
+        /// Radius \[m\].
+        radius: f64,
+    },
+    /// An upright cylinder.
+    Cylinder {
+        /// Radius \[m\].
+        radius: f64,
+        /// Height \[m\].
+        height: f64,
+    },
+    /// A box.
+    Box {
+        /// Along x, y, z \[m\].
+        size: DVec3,
+    },
+    /// A level rectangle.
+    Rectangle {
+        /// Along x and y \[m\].
+        size: DVec2,
+    },
+}
+
+/// Distribution of leaf inclinations.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Leaves {
+    /// As the surface of a sphere.
+    Spherical,
+    /// Every inclination alike.
+    Uniform,
+    /// Mostly level.
+    Planophile,
+    /// Mostly upright.
+    Erectophile,
+    /// Mostly aslant.
+    Plagiophile,
+    /// Mostly level or upright.
+    Extremophile,
+}
+
+/// The surface over a grid of heights.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Terrain {
+    /// Heights: CSV, ESRI ASCII or GeoTIFF.
+    pub heights: SceneFile,
+    /// Scene x, y of the south-west post \[m\]; `None`: the file's own coordinates.
+    pub origin: Option<DVec2>,
+    /// Between posts, both ways \[m\]; `None`: the file's own.
+    pub spacing: Option<f64>,
+    /// Index of the material where no class says another.
+    pub material: usize,
+    /// Classes of the posts, in a grid of the same size.
+    pub classes: Option<SceneFile>,
+    /// Classes to materials, each class once.
+    pub maps: Vec<(u32, usize, Span)>,
+    /// Where it is said.
+    pub span: Span,
 }
 
 /// Geometry in its own frame, +y ahead.

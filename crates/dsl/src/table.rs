@@ -2,6 +2,10 @@
 //! ends in its unit (`wavelength_nm`, `view_zenith_deg`), with `/` and `-` as written or as `_`, `%` also as `percent`.
 //! Lines that begin with `#` are comments. Vacuum and air wavelengths are not converted into each other.
 
+mod columns;
+
+pub use columns::{Wanted, read_columns};
+
 use std::collections::HashMap;
 
 use sunglint_plugin::{Column, Table, TableKey};

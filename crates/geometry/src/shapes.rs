@@ -32,7 +32,7 @@ pub fn panel_facets(material: MaterialId, width: f64, height: f64, facing: DVec3
 }
 
 /// The level axis to the right and the axis upwards, of a plane seen from its front. `right` × `up` = `normal`.
-fn level_axes(normal: DVec3) -> (DVec3, DVec3) {
+pub(crate) fn level_axes(normal: DVec3) -> (DVec3, DVec3) {
     let right = DVec3::new(-normal.y, normal.x, 0.0);
     let right = if right.length() < 1e-12 { DVec3::X } else { right.normalize() };
     (right, normal.cross(right))

@@ -1,5 +1,12 @@
 //! What stands in a scene.
 
+mod placement;
+mod scatter;
+mod solid;
+mod terrain;
+
+pub(super) use terrain::TERRAIN_RULE;
+
 use std::collections::BTreeSet;
 use std::ops::Deref;
 use std::sync::Arc;
@@ -14,8 +21,10 @@ use super::polygon::{self, Fault};
 use super::spectrum::Opened;
 use super::value::{COORDINATE, Given, Quantity, SCALE, SIZE, TURN};
 use crate::ast::{Item, Value, Word};
-use crate::scene::{Facing, Ground, Object, Polygons, Pose, SceneFile, Shape};
-use crate::{Diagnostic, Runs, Severity, Span};
+use crate::scene::{Facing, Ground, Object, Polygons, Pose, Scatter, SceneFile, Shape};
+use crate::{Diagnostic, Runs, Span};
+use scatter::SCATTER;
+use solid::{DISK, SPHERE, UPRIGHT};
 
 const AT: Rule = rule("at", "at POINT");
 const HEADING: Rule = rule("heading", "heading ANGLE");
@@ -49,7 +58,7 @@ const PLACE: &[Rule] = &[
     rule("as", "as NAME").word(),
     rule("grid", "grid M x N spacing (dx dy) m").excludes(&["as"]),
     rule("spacing", "spacing (dx dy) m"),
-    rule("from", "from FILE").later(Severity::Error),
+    rule("from", "from FILE").excludes(&["grid"]),
     AT,
     HEADING,
     PITCH,
@@ -70,11 +79,23 @@ pub(super) const GEOMETRY: &[Rule] = &[
         .clauses(MESH)
         .braces(Braces::Clauses),
     rule("place", "place OBJECT at POINT").many().leading(1).clauses(PLACE).braces(Braces::Clauses),
-    rule("disk", "disk MATERIAL …").many().leading(1).braces(Braces::Optional).later(Severity::Error),
-    rule("cylinder", "cylinder MATERIAL …").many().leading(1).braces(Braces::Optional).later(Severity::Error),
-    rule("cone", "cone MATERIAL …").many().leading(1).braces(Braces::Optional).later(Severity::Error),
-    rule("sphere", "sphere MATERIAL …").many().leading(1).braces(Braces::Optional).later(Severity::Error),
-    rule("scatter", "scatter OBJECT …").many().leading(1).braces(Braces::Optional).later(Severity::Error),
+    rule("disk", "disk MATERIAL radius LENGTH at POINT").many().leading(1).clauses(DISK).braces(Braces::Clauses),
+    rule("cylinder", "cylinder MATERIAL radius LENGTH height LENGTH at POINT")
+        .many()
+        .leading(1)
+        .clauses(UPRIGHT)
+        .braces(Braces::Clauses),
+    rule("cone", "cone MATERIAL radius LENGTH height LENGTH at POINT")
+        .many()
+        .leading(1)
+        .clauses(UPRIGHT)
+        .braces(Braces::Clauses),
+    rule("sphere", "sphere MATERIAL radius LENGTH at POINT").many().leading(1).clauses(SPHERE).braces(Braces::Clauses),
+    rule("scatter", "scatter OBJECT count COUNT within REGION at POINT")
+        .many()
+        .leading(1)
+        .clauses(SCATTER)
+        .braces(Braces::Clauses),
 ];
 /// Geometry that stands outside objects.
 pub(super) const GROUND_RULE: Rule =
@@ -90,6 +111,18 @@ const DEEPEST: usize = 64;
 /// millimetre on facets of a metre.
 const PLANAR: f64 = 1e-3;
 
+/// A point that a pose names.
+#[derive(Clone, Copy)]
+struct Spot {
+    at: DVec3,
+    /// Whether only x and y are said.
+    on_surface: bool,
+}
+
+impl Spot {
+    const ORIGIN: Self = Self { at: DVec3::ZERO, on_surface: false };
+}
+
 /// Where geometry stands.
 #[derive(Clone, Copy)]
 pub(super) enum Scope {
@@ -102,7 +135,6 @@ impl<'a> Checker<'a> {
         let line = top.get("ground")?;
         let (items, clauses) = self.clauses(&line);
         let height = self.optional(clauses.get("height"), &COORDINATE).unwrap_or(0.0);
-        self.ground_height = Some(height);
         let material = self.first_reference(&line, items, Kind::Material)?;
         self.surplus(&line, items, 1);
         Some(Ground { material, height, span: line.span() })
@@ -136,7 +168,10 @@ impl<'a> Checker<'a> {
                 "panel" => self.panel(line, scope),
                 "box" => self.solid_box(line, scope),
                 "mesh" => self.mesh(line, scope),
+                "disk" => self.disk(line, scope),
+                "cylinder" | "cone" | "sphere" => self.solid(line, scope),
                 "place" => self.place(line, scope),
+                "scatter" => self.scatter(line, scope),
                 _ => None,
             };
             out.extend(shape);
@@ -312,10 +347,11 @@ impl<'a> Checker<'a> {
     fn pose(&mut self, clauses: &Body<'a>, scope: Scope) -> Option<Pose> {
         let at = match clauses.get("at") {
             Some(line) => self.position(&line, scope),
-            None => Some(DVec3::ZERO),
+            None => Some(Spot::ORIGIN),
         };
         let turned = self.attitude(clauses);
-        Some(Pose { at: at?, ..turned? })
+        let Spot { at, on_surface } = at?;
+        Some(Pose { at, on_surface, ..turned? })
     }
 
     /// A pose's angles and scale, at the origin.
@@ -332,11 +368,11 @@ impl<'a> Checker<'a> {
         let pitch = read(self, "pitch", &TURN, 0.0);
         let roll = read(self, "roll", &TURN, 0.0);
         let scale = read(self, "scale", &SCALE, 1.0);
-        good.then_some(Pose { at: DVec3::ZERO, heading, pitch, roll, scale })
+        good.then_some(Pose { heading, pitch, roll, scale, ..Pose::default() })
     }
 
-    /// One point, on the ground where it has two numbers.
-    fn position(&mut self, line: &Line<'a>, scope: Scope) -> Option<DVec3> {
+    /// One point, on the terrain or ground where it has two numbers.
+    fn position(&mut self, line: &Line<'a>, scope: Scope) -> Option<Spot> {
         let Some(item) = line.items.first() else {
             self.absent(line, "a vector of lengths");
             return None;
@@ -357,19 +393,17 @@ impl<'a> Checker<'a> {
         item: &'a Item,
         shared: Option<&Word>,
         scope: Scope,
-    ) -> Option<Vec<DVec3>> {
+    ) -> Option<Vec<Spot>> {
         let given = self.resolve(item, &[]);
         let flat: Vec<bool> = match given.value {
             Value::Points { points, .. } => points.iter().map(|point| point.numbers().len() == 2).collect(),
             _ => Vec::new(),
         };
         self.ground_is_known(&given, flat.contains(&true), scope)?;
-        // Without a ground the level is that of the site, z = 0.
-        let height = self.ground_height.unwrap_or(0.0);
-        let mut out: Vec<DVec3> = Vec::with_capacity(flat.len());
+        let mut out: Vec<Spot> = Vec::with_capacity(flat.len());
         self.run(line, item, shared, 2..=3, &COORDINATE, &mut |v, _| {
-            let level = flat.get(out.len()).copied().unwrap_or(false);
-            out.push(if level { DVec3::new(v[0], v[1], height) } else { DVec3::from(v) });
+            let on_surface = flat.get(out.len()).copied().unwrap_or(false);
+            out.push(Spot { at: DVec3::from(v), on_surface });
         })?;
         Some(out)
     }
@@ -393,8 +427,7 @@ impl<'a> Checker<'a> {
         runs: &Runs,
         shared: Option<&Word>,
         scope: Scope,
-    ) -> Option<Vec<DVec3>> {
-        let height = self.ground_height.unwrap_or(0.0);
+    ) -> Option<Vec<Spot>> {
         let level = runs.size() == 2;
         let mut out = Vec::with_capacity(runs.vector_count());
         for i in 0..runs.len() {
@@ -404,7 +437,7 @@ impl<'a> Checker<'a> {
             self.ground_is_known(&given, level, scope)?;
             let named = unit.as_ref().or(shared);
             self.vectors_of(line, &given, points, named, 2..=3, &COORDINATE, &mut |v, _| {
-                out.push(if level { DVec3::new(v[0], v[1], height) } else { DVec3::from(v) });
+                out.push(Spot { at: DVec3::from(v), on_surface: level });
             })?;
         }
         Some(out)
@@ -419,9 +452,13 @@ impl<'a> Checker<'a> {
         let pose = self.pose(&clauses, scope);
         if let (Some(Facing::Point(point)), Some(pose)) = (facing, pose)
             && point == pose.at
+            && !pose.on_surface
         {
             let span = clauses.get("facing").map_or(line.span(), |line| line.span());
-            self.report(Diagnostic::error("G01", span, "this panel faces its own centre").label("another point?"));
+            self.report(
+                Diagnostic::error("G01", span, format!("this {} faces its own centre", line.key))
+                    .label("another point?"),
+            );
             return None;
         }
         Some(Shape::Panel { material: material?, size: size?, facing: facing?, pose: pose?, span: line.span() })
@@ -440,7 +477,7 @@ impl<'a> Checker<'a> {
         let aspect = clauses.get("aspect");
         if slope.is_some() != aspect.is_some() && !(clauses.said("slope") && clauses.said("aspect")) {
             let (there, lacks) = if slope.is_some() { ("slope", "aspect") } else { ("aspect", "slope") };
-            let owner = Owner::new("`panel`", line);
+            let owner = Owner::new(format!("`{}`", line.key), line);
             self.missing("S05", &format!("`{there}` needs `{lacks}` beside it"), "slope ANGLE aspect ANGLE", &owner);
             return None;
         }
@@ -597,7 +634,7 @@ impl<'a> Checker<'a> {
     fn members_of_place(&mut self, line: &Line<'a>, clauses: &Body<'a>, scope: Scope) -> Option<Vec<Pose>> {
         let turned = self.attitude(clauses);
         let places = match clauses.get("at") {
-            None => Some(vec![DVec3::ZERO]),
+            None => Some(vec![Spot::ORIGIN]),
             Some(at) => match at.items.first().map(|item| self.resolve(item, &[])) {
                 Some(given @ Given { value: Value::List { .. } | Value::Runs { .. }, span, .. }) => {
                     let named = Line { key: "at", ..at };
@@ -625,6 +662,9 @@ impl<'a> Checker<'a> {
                 _ => self.position(&at, scope).map(|point| vec![point]),
             },
         };
+        if clauses.said("from") {
+            return self.members_from_file(line, clauses, places?, turned?, scope);
+        }
         let Some(grid) = clauses.get("grid") else {
             if let Some(spacing) = clauses.get("spacing")
                 && !clauses.said("grid")
@@ -634,7 +674,9 @@ impl<'a> Checker<'a> {
                 return None;
             }
             let turned = turned?;
-            return Some(places?.into_iter().map(|at| Pose { at, ..turned }).collect());
+            return Some(
+                places?.into_iter().map(|Spot { at, on_surface }| Pose { at, on_surface, ..turned }).collect(),
+            );
         };
         let Some(spacing) = clauses.get("spacing") else {
             if !clauses.said("spacing") {
@@ -661,7 +703,7 @@ impl<'a> Checker<'a> {
         for j in 0..n {
             for i in 0..m {
                 let offset = spacing * DVec2::new(i as f64, j as f64);
-                poses.push(Pose { at: *corner + offset.extend(0.0), ..turned });
+                poses.push(Pose { at: corner.at + offset.extend(0.0), on_surface: corner.on_surface, ..turned });
             }
         }
         Some(poses)
@@ -694,6 +736,7 @@ impl<'a> Checker<'a> {
             (shapes.iter())
                 .filter_map(|shape| match shape {
                     Shape::Place { object, span, poses, .. } => Some((*object, *span, poses.len() as u64)),
+                    Shape::Scatter(scatter) => Some((scatter.object, scatter.span, scatter.count)),
                     _ => None,
                 })
                 .collect()
@@ -763,7 +806,7 @@ impl<'a> Checker<'a> {
         let mut waiting: Vec<&[Shape]> = vec![world];
         while let Some(shapes) = waiting.pop() {
             for shape in shapes {
-                if let Shape::Place { object, .. } = shape
+                if let Shape::Place { object, .. } | Shape::Scatter(Scatter { object, .. }) = shape
                     && placed.insert(*object)
                 {
                     waiting.push(&objects[*object].shapes);
@@ -792,11 +835,13 @@ pub(super) fn materials_of(shapes: &[Shape]) -> Vec<usize> {
     let mut out = Vec::new();
     for shape in shapes {
         match shape {
-            Shape::Facets { material, .. } | Shape::Panel { material, .. } | Shape::Box { material, .. } => {
-                out.push(*material);
-            }
+            Shape::Facets { material, .. }
+            | Shape::Panel { material, .. }
+            | Shape::Box { material, .. }
+            | Shape::Disk { material, .. }
+            | Shape::Solid { material, .. } => out.push(*material),
             Shape::Mesh { maps, .. } => out.extend(maps.iter().map(|(_, material, _)| *material)),
-            Shape::Place { .. } => {}
+            Shape::Place { .. } | Shape::Scatter(_) => {}
         }
     }
     out
