@@ -15,7 +15,7 @@ mod world;
 pub use facet::{Facet, FacetError, MaterialId, PLANARITY};
 pub use instance::{Instance, Pose};
 pub use mesh::{Mesh, MeshBuilder};
-pub use obj::{ObjError, ObjFault, ObjMesh, Up, read_obj};
+pub use obj::{ObjError, ObjFault, ObjKind, ObjMesh, ObjSkipped, Up, read_obj};
 pub use ray::{FacetId, GROUND_OBJECT, Hit, Ray};
 pub use shapes::{box_facets, panel_facets};
 pub use world::{Ground, LARGEST_COORDINATE, World, WorldError};

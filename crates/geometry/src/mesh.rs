@@ -261,14 +261,42 @@ impl MeshBuilder {
         mesh
     }
 
+    /// Adds a triangle of `positions`, as [`MeshBuilder::push`]; `known` holds the mesh's vertex of each position once it is
+    /// used, `u32::MAX` before.
+    pub(crate) fn push_shared(
+        &mut self,
+        triangle: [usize; 3],
+        positions: &[DVec3],
+        known: &mut [u32],
+        material: MaterialId,
+    ) -> Result<(), FacetError> {
+        let corners = triangle.map(|i| positions[i]);
+        let (normal, _) = self.ring.examine(&corners)?;
+        self.catch_up();
+        self.indices.clear();
+        for (i, corner) in triangle.into_iter().zip(corners) {
+            if known[i] == u32::MAX {
+                known[i] = self.vertex(corner);
+            }
+            self.indices.push(known[i]);
+        }
+        self.put_indexed(&corners, normal, material);
+        Ok(())
+    }
+
     fn put(&mut self, corners: &[DVec3], normal: DVec3, material: MaterialId) {
         self.catch_up();
-        let facet = self.mesh.facet_count();
         self.indices.clear();
         for &corner in corners {
             let vertex = self.vertex(corner);
             self.indices.push(vertex);
         }
+        self.put_indexed(corners, normal, material);
+    }
+
+    /// A facet whose vertices are in `self.indices`.
+    fn put_indexed(&mut self, corners: &[DVec3], normal: DVec3, material: MaterialId) {
+        let facet = self.mesh.facet_count();
         self.cut.clear();
         let indices = &self.indices;
         self.cut.extend(self.cutter.cut(corners, normal).map(|t| t.map(|i| indices[i])));
