@@ -3,7 +3,9 @@
 use glam::{DAffine3, DQuat, DVec2, DVec3};
 use sunglint_dsl::scene::{self, Bands, Facing, Optics, Projection, SensorPose, Shape};
 use sunglint_dsl::{Diagnostic, Scene, Span};
-use sunglint_geometry::{Facet, FacetError, Ground, Instance, MaterialId, Mesh, ObjError, Pose, Up, World};
+use sunglint_geometry::{
+    Facet, FacetError, Ground, Instance, MaterialId, Mesh, MeshBuilder, ObjError, ObjKind, ObjSkipped, Pose, Up, World,
+};
 use sunglint_radiometry::WorldDir;
 use sunglint_sensor::{Band, BandResponse, Camera, FrameCamera, FramePose, Orthographic, Standoff};
 
@@ -107,29 +109,29 @@ impl Builder<'_> {
 
     /// The facets of some shapes, placements left out.
     fn mesh(&mut self, shapes: &[Shape], in_object: bool) -> Mesh {
-        let mut facets = Vec::new();
+        let mut built = MeshBuilder::new();
         for shape in shapes {
             match shape {
                 Shape::Facets { material, polygons } => {
-                    for (corners, span) in polygons.iter() {
-                        self.facet(corners.to_vec(), *material, span, &mut facets);
+for (corners, span) in polygons.iter() {
+                        self.facet(corners, *material, span, &mut built);
                     }
                 }
                 Shape::Panel { material, size, facing, pose, span } => {
                     if let Some(facet) = self.panel(*material, *size, facing, pose, *span, in_object) {
-                        facets.push(facet);
+                        built.add(&facet);
                     }
                 }
                 Shape::Box { material, size, pose, .. } => {
                     let transform = matrix(pose);
                     let sides = sunglint_geometry::box_facets(MaterialId(*material as u32), *size);
-                    facets.extend(sides.into_iter().map(|facet| facet.transformed(&transform)));
+                    sides.iter().for_each(|side| built.add(&side.transformed(&transform)));
                 }
-                Shape::Mesh { file, unit, y_up, pose, maps } => self.obj(file, *unit, *y_up, pose, maps, &mut facets),
+                Shape::Mesh { file, unit, y_up, pose, maps } => self.obj(file, *unit, *y_up, pose, maps, &mut built),
                 Shape::Place { .. } => {}
             }
         }
-        Mesh::from_facets(facets)
+        built.finish()
     }
 
     /// A panel. Facing a direction or a slope it turns with its pose; facing a point or a sensor it does not.
@@ -176,9 +178,9 @@ impl Builder<'_> {
         Some(at_origin(towards).transformed(&place))
     }
 
-    fn facet(&mut self, corners: Vec<DVec3>, material: usize, span: Span, facets: &mut Vec<Facet>) {
-        match Facet::new(corners, MaterialId(material as u32)) {
-            Ok(facet) => facets.push(facet),
+    fn facet(&mut self, corners: &[DVec3], material: usize, span: Span, built: &mut MeshBuilder) {
+        match built.push(corners, MaterialId(material as u32)) {
+            Ok(()) => {}
             Err(FacetError::ZeroArea) => self.diagnostics.push(
                 Diagnostic::warning("G01", span, "a facet without area is dropped").label("all corners lie on a line"),
             ),
@@ -196,7 +198,7 @@ impl Builder<'_> {
         y_up: bool,
         pose: &scene::Pose,
         maps: &[(String, usize, Span)],
-        facets: &mut Vec<Facet>,
+        built: &mut MeshBuilder,
     ) {
         let mut used = vec![false; maps.len()];
         let mut find = |name: &str| {
@@ -207,8 +209,7 @@ impl Builder<'_> {
         let up = if y_up { Up::Y } else { Up::Z };
         match sunglint_geometry::read_obj(&file.bytes, unit, up, &mut find) {
             Ok(mesh) => {
-                let transform = matrix(pose);
-                facets.extend(mesh.facets.into_iter().map(|facet| facet.transformed(&transform)));
+                built.append(mesh.mesh, &matrix(pose));
                 if mesh.dropped_zero_area > 0 {
                     let n = mesh.dropped_zero_area;
                     self.diagnostics.push(Diagnostic::warning(
@@ -216,6 +217,9 @@ impl Builder<'_> {
                         file.span,
                         format!("{n} facet{} without area in `{}` dropped", if n == 1 { "" } else { "s" }, file.path),
                     ));
+                }
+                for skipped in &mesh.skipped {
+                    self.diagnostics.push(left_out(file, skipped));
                 }
                 for ((pattern, _, span), _) in maps.iter().zip(&used).filter(|(_, used)| !**used) {
                     self.diagnostics.push(
@@ -251,6 +255,18 @@ impl Builder<'_> {
             }
         }
     }
+}
+
+/// The warning about statements of an OBJ file that give no facets.
+fn left_out(file: &scene::SceneFile, skipped: &ObjSkipped) -> Diagnostic {
+    let ObjSkipped { keyword, kind, count, line } = skipped;
+    let times = if *count == 1 { format!("line {line}") } else { format!("{count} times, first on line {line}") };
+    let (code, what, help) = match kind {
+        ObjKind::PointOrLine => ("G01", "has no area and is left out", "only faces (`f`) can be seen"),
+        ObjKind::FreeForm => ("F01", "is a free-form shape and is left out", "export it as faces"),
+        ObjKind::Unknown => ("F01", "is no OBJ statement and is left out", "check the file where it stands"),
+    };
+    Diagnostic::warning(code, file.span, format!("`{}`: `{keyword}` ({times}) {what}", file.path)).help(help)
 }
 
 /// The camera of a sensor, `pixels` in place of its own where given: the same view, coarser or finer.

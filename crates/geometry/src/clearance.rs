@@ -79,10 +79,10 @@ impl World {
                     |bounds| spend(&spent).then(|| plane.rising(bounds)),
                     |first, count| {
                         packets[first..first + count].iter().flat_map(|p| p.triangle).any(|t| {
-                            let (Some(&index), true) = (mesh.facet_of.get(t as usize), spend(&spent)) else {
+                            if t == u32::MAX || !spend(&spent) {
                                 return t != u32::MAX;
-                            };
-                            (instance, index as usize) != (own_instance, own_facet)
+                            }
+                            (instance, mesh.facet_of(t) as usize) != (own_instance, own_facet)
                                 && mesh.triangle(t as usize).iter().any(|v| n.dot(*v) > limit + tolerance)
                         })
                     },

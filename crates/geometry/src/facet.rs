@@ -68,48 +68,14 @@ impl Facet {
     /// # Errors
     /// See [`FacetError`]; planarity is held to [`PLANARITY`].
     pub fn new(corners: Vec<DVec3>, material: MaterialId) -> Result<Self, FacetError> {
-        if let Some(corner) = corners.iter().position(|c| !c.is_finite()) {
-            return Err(FacetError::NotFinite { corner });
-        }
-        // (index as given, corner), equal neighbours merged round the ring
-        let mut ring: Vec<(usize, DVec3)> = corners.iter().copied().enumerate().collect();
-        ring.dedup_by(|b, a| a.1 == b.1);
-        while ring.len() > 1 && ring[0].1 == ring[ring.len() - 1].1 {
-            ring.pop();
-        }
-        if ring.len() < 3 {
-            return Err(FacetError::TooFewCorners { distinct: ring.len() });
-        }
-        let (lo, hi) = ring.iter().fold((ring[0].1, ring[0].1), |(lo, hi), &(_, c)| (lo.min(c), hi.max(c)));
-        let extent = (hi - lo).max_element();
-        let rounding = 4.0 * f64::EPSILON * lo.abs().max(hi.abs()).max_element();
-        let corners: Vec<DVec3> = ring.iter().map(|r| r.1).collect();
-        let twice = area_vector(&corners);
-        let length = twice.length();
-        // Rounded coordinates move a sliver's long edge by `rounding`, so its area by extent × rounding.
-        if !length.is_finite() || length <= extent * (rounding + 1e-12 * extent) {
-            let distinct = distinct_count(&corners);
-            // The two halves of an even bow tie cancel.
-            let tie = crossing(&flatten(&corners, widest_turn(&corners)));
-            return Err(match tie {
-                _ if distinct < 3 => FacetError::TooFewCorners { distinct },
-                Some((a, b)) => FacetError::SelfCrossing { edge_a: ring[a].0, edge_b: ring[b].0 },
-                None => FacetError::ZeroArea,
-            });
-        }
-        let normal = twice / length;
-        let centre = corners.iter().map(|c| c - corners[0]).sum::<DVec3>() / corners.len() as f64;
-        let off = |c: &DVec3| normal.dot(c - corners[0] - centre).abs();
-        let tolerance_m = (PLANARITY * extent).max(rounding);
-        let (worst, off_m) =
-            corners.iter().map(off).enumerate().fold((0, 0.0), |w, (i, d)| if d > w.1 { (i, d) } else { w });
-        if off_m > tolerance_m {
-            return Err(FacetError::NotPlanar { corner: ring[worst].0, off_m, tolerance_m });
-        }
-        if let Some((a, b)) = crossing(&flatten(&corners, normal)) {
-            return Err(FacetError::SelfCrossing { edge_a: ring[a].0, edge_b: ring[b].0 });
-        }
-        Ok(Self { corners, normal, area: 0.5 * length, material })
+        let mut ring = Ring::default();
+        let (normal, area) = ring.examine(&corners)?;
+        Ok(Self {
+            corners: if ring.corners.len() < corners.len() { ring.corners } else { corners },
+            normal,
+            area,
+            material,
+        })
     }
 
     /// Slope to the earth: the normal's zenith angle \[rad\].
@@ -137,6 +103,70 @@ impl Facet {
     pub fn centre(&self) -> DVec3 {
         let first = self.corners.first().copied().unwrap_or_default();
         first + self.corners.iter().map(|c| c - first).sum::<DVec3>() / self.corners.len().max(1) as f64
+    }
+}
+
+/// Corners under examination; the buffers are kept between facets.
+#[derive(Default)]
+pub(crate) struct Ring {
+    /// The corners, equal neighbours merged round the ring.
+    pub corners: Vec<DVec3>,
+    /// Where each stood as given.
+    given: Vec<usize>,
+}
+
+impl Ring {
+    /// Unit normal and area \[m²\] of the facet with these corners, which are left in `self.corners`.
+    pub fn examine(&mut self, corners: &[DVec3]) -> Result<(DVec3, f64), FacetError> {
+        if let Some(corner) = corners.iter().position(|c| !c.is_finite()) {
+            return Err(FacetError::NotFinite { corner });
+        }
+        self.corners.clear();
+        self.given.clear();
+        for (i, &corner) in corners.iter().enumerate() {
+            if self.corners.last() != Some(&corner) {
+                self.corners.push(corner);
+                self.given.push(i);
+            }
+        }
+        while self.corners.len() > 1 && self.corners.first() == self.corners.last() {
+            self.corners.pop();
+        }
+        let (corners, given) = (&self.corners[..], &self.given[..]);
+        if corners.len() < 3 {
+            return Err(FacetError::TooFewCorners { distinct: corners.len() });
+        }
+        let (lo, hi) = corners.iter().fold((corners[0], corners[0]), |(lo, hi), &c| (lo.min(c), hi.max(c)));
+        let extent = (hi - lo).max_element();
+        let rounding = 4.0 * f64::EPSILON * lo.abs().max(hi.abs()).max_element();
+        let twice = area_vector(corners);
+        let length = twice.length();
+        // Rounded coordinates move a sliver's long edge by `rounding`, so its area by extent × rounding.
+        if !length.is_finite() || length <= extent * (rounding + 1e-12 * extent) {
+            let distinct = distinct_count(corners);
+            // The two halves of an even bow tie cancel.
+            let tie = crossing(&flatten(corners, widest_turn(corners)));
+            return Err(match tie {
+                _ if distinct < 3 => FacetError::TooFewCorners { distinct },
+                Some((a, b)) => FacetError::SelfCrossing { edge_a: given[a], edge_b: given[b] },
+                None => FacetError::ZeroArea,
+            });
+        }
+        let normal = twice / length;
+        if corners.len() > 3 {
+            let centre = corners.iter().map(|c| c - corners[0]).sum::<DVec3>() / corners.len() as f64;
+            let off = |c: &DVec3| normal.dot(c - corners[0] - centre).abs();
+            let tolerance_m = (PLANARITY * extent).max(rounding);
+            let (worst, off_m) =
+                corners.iter().map(off).enumerate().fold((0, 0.0), |w, (i, d)| if d > w.1 { (i, d) } else { w });
+            if off_m > tolerance_m {
+                return Err(FacetError::NotPlanar { corner: given[worst], off_m, tolerance_m });
+            }
+            if let Some((a, b)) = crossing(&flatten(corners, normal)) {
+                return Err(FacetError::SelfCrossing { edge_a: given[a], edge_b: given[b] });
+            }
+        }
+        Ok((normal, 0.5 * length))
     }
 }
 

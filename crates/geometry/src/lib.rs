@@ -18,8 +18,8 @@ mod world;
 
 pub use facet::{Facet, FacetError, MaterialId, PLANARITY};
 pub use instance::{Instance, Pose};
-pub use mesh::Mesh;
-pub use obj::{ObjError, ObjFault, ObjMesh, Up, read_obj};
+pub use mesh::{Mesh, MeshBuilder};
+pub use obj::{ObjError, ObjFault, ObjKind, ObjMesh, ObjSkipped, Up, read_obj};
 pub use raster::{MOST_POSTS, Raster, RasterError, RasterFault, RasterKind, RasterPlace, read_raster};
 pub use ray::{FacetId, GROUND_OBJECT, Hit, Ray};
 pub use scatter::{Crowded, Leaves, Region, Scatter, scatter};

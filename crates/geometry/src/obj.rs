@@ -1,17 +1,23 @@
-//! Wavefront OBJ to facets, numbers through `tobj` in `f64`.
+//! Wavefront OBJ to a mesh.
 //!
-//! `tobj` lets much pass in silence (infinite vertices, faces of two corners, lines as faces, broken colours) and names no
-//! line. A pass over the text comes first: it reports faults by line and column, and hands on vertices, faces by vertex
-//! index, and materials; texture and normals are left behind.
+//! Read are `v` (x y z; a weight, which only curves use, or a colour may follow), `f` (with `v`, `v/vt`, `v//vn` or `v/vt/vn`,
+//! counted from 1, or back from -1) and `usemtl`, over lines that end in LF, CR LF or CR and may be continued by `\`.
+//! Texture and normals, groups, objects, smoothing and display settings say nothing that a facet needs. What is left out and
+//! would have been something to see, or is no statement of the format, is counted in [`ObjMesh::skipped`].
+//!
+//! The text is walked twice, for vertices and for faces, since a face may come before its vertices; faults keep their offset
+//! and get line and column at the end, so that a sound file pays for neither.
 
+use crate::facet::area_vector;
 use crate::mesh::Triangulation;
-use crate::{Facet, FacetError, MaterialId, facet::area_vector};
+use crate::{FacetError, MaterialId, Mesh, MeshBuilder};
 use glam::DVec3;
 use std::collections::HashMap;
-use std::fmt::Write as _;
 
-/// Faults listed before the rest is only counted.
+/// Faults listed before the rest is only counted; also the keywords listed as skipped.
 const MOST_FAULTS: usize = 20;
+/// Corners of one face: a check of all its edges against each other stays short.
+const MOST_CORNERS: usize = 10_000;
 
 /// Which axis of the file points up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -22,17 +28,43 @@ pub enum Up {
     Y,
 }
 
-/// The facets of an OBJ file.
-#[derive(Clone, Debug, PartialEq)]
+/// The mesh of an OBJ file.
+#[derive(Clone, Debug)]
 pub struct ObjMesh {
     /// Facets in the order of the file; coordinates in m.
-    pub facets: Vec<Facet>,
+    pub mesh: Mesh,
     /// `usemtl` names that faces use, in order; `""` for faces before the first.
     pub materials_found: Vec<String>,
     /// Faces without area, and triangles of bent faces without area, that were left out.
     pub dropped_zero_area: usize,
     /// Faces that are not planar and became triangles.
     pub split_not_planar: usize,
+    /// Points, lines, free-form curves and surfaces, and what is no OBJ statement; at most 20 keywords.
+    pub skipped: Vec<ObjSkipped>,
+}
+
+/// Statements of one keyword that were left out.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ObjSkipped {
+    /// The keyword, at most 40 characters of it.
+    pub keyword: String,
+    /// What it is.
+    pub kind: ObjKind,
+    /// How many.
+    pub count: usize,
+    /// Line of the first, from 1.
+    pub line: usize,
+}
+
+/// What a statement that gives no facet would have been.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ObjKind {
+    /// `p` or `l`: nothing with an area.
+    PointOrLine,
+    /// `curv`, `curv2` or `surf`.
+    FreeForm,
+    /// No statement of the format.
+    Unknown,
 }
 
 /// Why an OBJ file gives no facets.
@@ -72,242 +104,421 @@ pub fn read_obj(
     up: Up,
     material: &mut dyn FnMut(&str) -> Option<MaterialId>,
 ) -> Result<ObjMesh, ObjError> {
-    let checked = check(bytes, unit_m)?;
-    let ids: Vec<Option<MaterialId>> = checked.materials.iter().map(|name| material(name)).collect();
-    let unmapped: Vec<String> =
-        checked.materials.iter().zip(&ids).filter(|(_, id)| id.is_none()).map(|(name, _)| name.clone()).collect();
+    let mut faults = Faults::default();
+    if bytes.starts_with(b"\xff\xfe") || bytes.starts_with(b"\xfe\xff") {
+        faults.add(0, "the file is UTF-16; save it as plain text or UTF-8".into());
+        return Err(faults.listed(bytes));
+    }
+    let positions = vertices(bytes, unit_m, up, &mut faults);
+    let mut faces = Faces {
+        known: vec![u32::MAX; positions.len()],
+        sound: faults.is_empty(),
+        positions,
+        built: MeshBuilder::new(),
+        corners: Vec::new(),
+        dropped_zero_area: 0,
+        split_not_planar: 0,
+    };
+    let (mut vertices_so_far, mut face_count) = (0, 0);
+    let (mut names, mut unmapped) = (Vec::<String>::new(), Vec::new());
+    let (mut by_name, mut name) = (HashMap::<String, MaterialId>::new(), String::new());
+    let mut current = None;
+    let mut skipped = Skipped::default();
+    for mut statement in Statements::of(bytes) {
+        match statement.keyword {
+            b"v" => vertices_so_far += 1,
+            b"f" => {
+                face_count += 1;
+                let id = *current.get_or_insert_with(|| {
+                    *by_name.entry(name.clone()).or_insert_with(|| {
+                        names.push(name.clone());
+                        material(&name).unwrap_or_else(|| {
+                            unmapped.push(name.clone());
+                            MaterialId(0)
+                        })
+                    })
+                });
+                faces.read(&mut statement, vertices_so_far, id, &mut faults);
+            }
+            b"usemtl" => {
+                name = statement.rest();
+                current = None;
+            }
+            b"p" | b"l" => skipped.add(&statement, ObjKind::PointOrLine),
+            b"curv" | b"curv2" | b"surf" => skipped.add(&statement, ObjKind::FreeForm),
+            b"vt" | b"vn" | b"vp" | b"o" | b"g" | b"s" | b"mg" | b"mtllib" | b"usemap" | b"maplib" | b"bevel"
+            | b"c_interp" | b"d_interp" | b"lod" | b"shadow_obj" | b"trace_obj" | b"cstype" | b"deg" | b"bmat"
+            | b"step" | b"parm" | b"trim" | b"hole" | b"scrv" | b"sp" | b"end" | b"con" | b"ctech" | b"stech" => {}
+            _ => skipped.add(&statement, ObjKind::Unknown),
+        }
+    }
+    if faults.is_empty() && face_count == 0 {
+        let what = skipped.list.first().map_or(String::new(), |(s, _)| format!("; it begins with `{}`", s.keyword));
+        faults.add(bytes.len(), format!("the file has no faces{what}"));
+    }
+    if !faults.is_empty() {
+        return Err(faults.listed(bytes));
+    }
     if !unmapped.is_empty() {
         return Err(ObjError::Unmapped(unmapped));
     }
-
-    let options =
-        tobj::LoadOptions { single_index: true, ignore_points: true, ignore_lines: true, ..Default::default() };
-    let library = |_: &std::path::Path| {
-        let names = 0..checked.materials.len();
-        let materials = names.clone().map(|i| tobj::Material { name: format!("m{i}"), ..Default::default() }).collect();
-        Ok((materials, names.map(|i| (format!("m{i}"), i)).collect()))
-    };
-    let (models, _) = tobj::load_obj_buf(&mut checked.text.as_bytes(), &options, library)
-        .map_err(|e| ObjError::Malformed(vec![ObjFault { line: 1, column: 1, message: e.to_string() }]))?;
-
-    let mut out =
-        ObjMesh { facets: Vec::new(), materials_found: checked.materials, dropped_zero_area: 0, split_not_planar: 0 };
-    let (mut faults, mut lines) = (Faults::default(), checked.face_lines.into_iter());
-    for mesh in models.iter().map(|m| &m.mesh) {
-        let Some(material) = mesh.material_id.and_then(|i| ids[i]) else { continue };
-        let corner = |&i: &u32| {
-            let [x, y, z] = [0, 1, 2].map(|a| mesh.positions[3 * i as usize + a] * unit_m);
-            if up == Up::Z { DVec3::new(x, y, z) } else { DVec3::new(x, -z, y) }
-        };
-        let mut rest = &mesh.indices[..];
-        let count = if mesh.face_arities.is_empty() { rest.len() / 3 } else { mesh.face_arities.len() };
-        for face in 0..count {
-            let (ring, after) = rest.split_at(mesh.face_arities.get(face).map_or(3, |&n| n as usize));
-            rest = after;
-            let line = lines.next().unwrap_or(1);
-            out.add(ring.iter().map(corner).collect(), material, |message| faults.add(line, 1, message));
-        }
-    }
-    faults.none()?;
-    Ok(out)
-}
-
-impl ObjMesh {
-    fn add(&mut self, corners: Vec<DVec3>, material: MaterialId, mut fault: impl FnMut(String)) {
-        match Facet::new(corners.clone(), material) {
-            Ok(facet) => self.facets.push(facet),
-            Err(FacetError::TooFewCorners { .. } | FacetError::ZeroArea) => self.dropped_zero_area += 1,
-            Err(FacetError::NotPlanar { .. }) => {
-                self.split_not_planar += 1;
-                let normal = area_vector(&corners).normalize_or_zero();
-                for triangle in Triangulation::default().cut(&corners, normal) {
-                    match Facet::new(triangle.map(|i| corners[i]).to_vec(), material) {
-                        Ok(facet) => self.facets.push(facet),
-                        Err(_) => self.dropped_zero_area += 1,
-                    }
-                }
-            }
-            Err(FacetError::SelfCrossing { edge_a, edge_b }) => fault(format!(
-                "the edges after corners {} and {} of this face cross; split the face where they do",
-                edge_a + 1,
-                edge_b + 1
-            )),
-            Err(error) => fault(error.to_string()),
-        }
-    }
-}
-
-/// What `tobj` gets, and what it forgets.
-struct Checked {
-    text: String,
-    materials: Vec<String>,
-    face_lines: Vec<usize>,
-}
-
-#[derive(Default)]
-struct Faults {
-    list: Vec<ObjFault>,
-    more: usize,
-}
-
-impl Faults {
-    fn add(&mut self, line: usize, column: usize, message: String) {
-        if self.list.len() < MOST_FAULTS {
-            self.list.push(ObjFault { line, column, message });
-        } else {
-            self.more += 1;
-        }
-    }
-    fn none(mut self) -> Result<(), ObjError> {
-        if let (Some(last), more @ 1..) = (self.list.last_mut(), self.more) {
-            let _ = write!(last.message, " (and {more} faults more)");
-        }
-        if self.list.is_empty() { Ok(()) } else { Err(ObjError::Malformed(self.list)) }
-    }
-}
-
-fn check(bytes: &[u8], unit_m: f64) -> Result<Checked, ObjError> {
-    let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let mut faults = Faults::default();
-    let mut out = Checked { text: "mtllib m\n".to_owned(), materials: Vec::new(), face_lines: Vec::new() };
-    let (mut names, mut current, mut written) = (HashMap::<String, usize>::new(), String::new(), None);
-    let vertex_count = bytes.split(|&b| b == b'\n').filter(|l| is_vertex(l)).count();
-    // Faces may come before their vertices, and tobj wants them after, so they are gathered behind.
-    let (mut faces, mut vertices_so_far, mut last_line) = (String::new(), 0, 1);
-    for (i, raw) in bytes.split(|&b| b == b'\n').enumerate() {
-        let (line, raw) = (i + 1, raw.strip_suffix(b"\r").unwrap_or(raw));
-        last_line = line;
-        if let Some(at) = raw.iter().position(|&b| b == b'\r') {
-            faults.add(line, at + 1, "a carriage return without a line feed; end lines with LF or CR LF".into());
-            continue;
-        }
-        if let Some(at) = raw.iter().position(|&b| b == 0) {
-            faults.add(line, at + 1, "a NUL byte; this is not an OBJ text".into());
-            continue;
-        }
-        let text = String::from_utf8_lossy(raw);
-        let mut words = words(&text);
-        let Some((column, keyword)) = words.next() else { continue };
-        if keyword.starts_with('#') {
-            continue;
-        }
-        if text.trim_end().ends_with('\\') {
-            faults.add(
-                line,
-                text.trim_end().chars().count(),
-                "a line continued by `\\`; write the statement on one line".into(),
-            );
-            continue;
-        }
-        match keyword {
-            "v" => {
-                vertices_so_far += 1;
-                vertex(line, column, &text, unit_m, &mut out.text, &mut faults);
-            }
-            "f" => {
-                let material = *names.entry(current.clone()).or_insert_with(|| {
-                    out.materials.push(current.clone());
-                    out.materials.len() - 1
-                });
-                if written != Some(material) {
-                    written = Some(material);
-                    let _ = writeln!(faces, "usemtl m{material}");
-                }
-                out.face_lines.push(line);
-                faces.push('f');
-                let mut corners = 0;
-                for (column, word) in words {
-                    corners += 1;
-                    match vertex_index(word, vertices_so_far, vertex_count) {
-                        Ok(index) => {
-                            let _ = write!(faces, " {index}");
-                        }
-                        Err(message) => faults.add(line, column, message),
-                    }
-                }
-                faces.push('\n');
-                if corners < 3 {
-                    faults.add(line, column, format!("a face has three corners at least, found {corners}"));
-                }
-            }
-            "usemtl" => current = text.trim_start()["usemtl".len()..].trim().to_owned(),
-            "vt" | "vn" | "vp" | "p" | "l" | "o" | "g" | "s" | "mg" | "mtllib" | "usemap" | "maplib" | "bevel"
-            | "c_interp" | "d_interp" | "lod" | "shadow_obj" | "trace_obj" => {}
-            "curv" | "curv2" | "surf" => {
-                faults.add(line, column, format!("`{keyword}` is a free-form shape; export it as faces"));
-            }
-            "cstype" | "deg" | "bmat" | "step" | "parm" | "trim" | "hole" | "scrv" | "sp" | "end" | "con" => {}
-            other => faults.add(
-                line,
-                column,
-                format!("`{}` is no OBJ statement", other.chars().take(40).collect::<String>()),
-            ),
-        }
-    }
-    if faults.list.is_empty() && out.face_lines.is_empty() {
-        faults.add(last_line, 1, "the file has no faces".into());
-    }
-    faults.none()?;
-    out.text.push_str(&faces);
-    Ok(out)
-}
-
-fn is_vertex(line: &[u8]) -> bool {
-    let line = line.trim_ascii_start();
-    line.first() == Some(&b'v') && line.get(1).is_some_and(|&b| b == b' ' || b == b'\t')
-}
-
-/// Words of a line with their columns.
-fn words(line: &str) -> impl Iterator<Item = (usize, &str)> {
-    line.split_whitespace().map(move |word| {
-        let at = word.as_ptr() as usize - line.as_ptr() as usize;
-        (line[..at].chars().count() + 1, word)
+    Ok(ObjMesh {
+        mesh: faces.built.finish(),
+        materials_found: names,
+        dropped_zero_area: faces.dropped_zero_area,
+        split_not_planar: faces.split_not_planar,
+        skipped: skipped.located(bytes),
     })
 }
 
-fn vertex(line: usize, column: usize, text: &str, unit_m: f64, out: &mut String, faults: &mut Faults) {
-    let mut numbers = [0.0; 6];
-    let mut count = 0;
-    for (column, word) in words(text).skip(1) {
-        match word.parse::<f64>() {
-            Ok(x) if x.is_finite() && (x * unit_m).is_finite() => {
-                if let Some(slot) = numbers.get_mut(count) {
-                    *slot = x;
+/// The vertices \[m\], zero in place of malformed ones.
+fn vertices(bytes: &[u8], unit_m: f64, up: Up, faults: &mut Faults) -> Vec<DVec3> {
+    let mut out = Vec::new();
+    for mut statement in Statements::of(bytes) {
+        if statement.keyword != b"v" {
+            continue;
+        }
+        let (at, mut numbers, mut count) = (statement.at, [0.0; 3], 0);
+        while let Some((at, word)) = statement.word() {
+            match std::str::from_utf8(word).ok().and_then(|word| word.parse::<f64>().ok()) {
+                Some(x) if (x * unit_m).is_finite() && x.is_finite() => {
+                    if let Some(slot) = numbers.get_mut(count) {
+                        *slot = x * unit_m;
+                    }
+                }
+                Some(_) => faults.add(at, format!("`{}` is not a finite number", shown(word))),
+                None => faults.add(at, format!("`{}` is not a number", shown(word))),
+            }
+            count += 1;
+        }
+        if !(3..=7).contains(&count) {
+            faults.add(at, format!("a vertex has 3 numbers, and at most a weight and a colour more, found {count}"));
+        }
+        let [x, y, z] = numbers;
+        out.push(if up == Up::Z { DVec3::new(x, y, z) } else { DVec3::new(x, -z, y) });
+    }
+    out.shrink_to_fit();
+    out
+}
+
+/// The faces so far.
+struct Faces {
+    positions: Vec<DVec3>,
+    /// Vertex of the mesh for each of the file, `u32::MAX` before it is used.
+    known: Vec<u32>,
+    /// Whether all vertices were read.
+    sound: bool,
+    built: MeshBuilder,
+    /// Vertices of the face at hand.
+    corners: Vec<usize>,
+    dropped_zero_area: usize,
+    split_not_planar: usize,
+}
+
+impl Faces {
+    fn read(&mut self, face: &mut Statement, vertices_so_far: usize, material: MaterialId, faults: &mut Faults) {
+        self.corners.clear();
+        let (mut given, mut sound) = (0, self.sound);
+        while let Some((at, word)) = face.word() {
+            given += 1;
+            match vertex_index(word, vertices_so_far, self.positions.len()) {
+                Ok(index) if given <= MOST_CORNERS => self.corners.push(index),
+                Ok(_) => {}
+                Err(message) => {
+                    faults.add(at, message);
+                    sound = false;
                 }
             }
-            Ok(_) => return faults.add(line, column, format!("`{word}` is not a finite number")),
-            Err(_) => return faults.add(line, column, format!("`{word}` is not a number")),
         }
-        count += 1;
+        if given < 3 {
+            faults.add(face.at, format!("a face has three corners at least, found {given}"));
+        } else if given > MOST_CORNERS {
+            faults.add(face.at, format!("a face has at most {MOST_CORNERS} corners, found {given}; split it"));
+        } else if sound && let Err(error) = self.add(material) {
+            faults.add(
+                face.at,
+                match error {
+                    FacetError::SelfCrossing { edge_a, edge_b } => format!(
+                        "the edges after corners {} and {} of this face cross; split the face where they do",
+                        edge_a + 1,
+                        edge_b + 1
+                    ),
+                    error => error.to_string(),
+                },
+            );
+        }
     }
-    let [x, y, z, w, ..] = numbers;
-    match count {
-        4 if w != 1.0 => {
-            faults.add(line, column, format!("a vertex of weight {w}; faces take vertices of weight 1 only"));
+
+    fn add(&mut self, material: MaterialId) -> Result<(), FacetError> {
+        let tried = if let [a, b, c] = self.corners[..] {
+            self.built.push_shared([a, b, c], &self.positions, &mut self.known, material)
+        } else {
+            let corners: Vec<DVec3> = self.corners.iter().map(|&i| self.positions[i]).collect();
+            let tried = self.built.push(&corners, material);
+            if matches!(tried, Err(FacetError::NotPlanar { .. })) {
+                self.split_not_planar += 1;
+                let normal = area_vector(&corners).normalize_or_zero();
+                for triangle in Triangulation::default().cut(&corners, normal) {
+                    let triangle = triangle.map(|i| self.corners[i]);
+                    let one = self.built.push_shared(triangle, &self.positions, &mut self.known, material);
+                    self.dropped_zero_area += usize::from(one.is_err());
+                }
+                return Ok(());
+            }
+            tried
+        };
+        match tried {
+            Err(FacetError::TooFewCorners { .. } | FacetError::ZeroArea) => {
+                self.dropped_zero_area += 1;
+                Ok(())
+            }
+            tried => tried,
         }
-        // a colour, which facets do not take
-        3 | 4 | 6 => {
-            let _ = writeln!(out, "v {x:e} {y:e} {z:e}");
-        }
-        _ => faults.add(line, column, format!("a vertex has 3 numbers, or 6 with a colour, found {count}")),
     }
 }
 
-/// The vertex of a face's corner, from 1, out of `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative ones count back.
-fn vertex_index(word: &str, so_far: usize, count: usize) -> Result<usize, String> {
-    let mut parts = word.split('/');
+/// The vertex of a face's corner, from 0, out of `v`, `v/vt`, `v//vn` or `v/vt/vn`; negative ones count back.
+fn vertex_index(word: &[u8], so_far: usize, count: usize) -> Result<usize, String> {
+    let mut parts = word.splitn(4, |&b| b == b'/');
     let index = parts.next().unwrap_or_default();
-    let rest: Vec<&str> = parts.collect();
-    if rest.len() > 2 || rest.iter().any(|p| !p.is_empty() && p.parse::<i64>().is_err()) {
-        return Err(format!("`{word}` is no corner; write `v`, `v/vt`, `v//vn` or `v/vt/vn`"));
+    let rest = [parts.next(), parts.next()].into_iter().flatten();
+    if parts.next().is_some() || rest.into_iter().any(|p| !p.is_empty() && whole(p).is_none()) {
+        return Err(format!("`{}` is no corner; write `v`, `v/vt`, `v//vn` or `v/vt/vn`", shown(word)));
     }
-    match index.parse::<i64>() {
-        Err(_) => Err(format!("`{word}` does not start with a vertex number")),
-        Ok(0) => Err("vertices count from 1, found 0".into()),
-        Ok(i @ 1..) if i as u64 <= count as u64 => Ok(i as usize),
-        Ok(i @ ..0) if i.unsigned_abs() <= so_far as u64 => Ok(so_far + 1 - i.unsigned_abs() as usize),
-        Ok(i @ 1..) => Err(format!("vertex {i} of a file with {count}")),
-        Ok(i) => Err(format!("vertex {i} where {so_far} came before")),
+    match whole(index) {
+        None => Err(format!("`{}` does not start with a vertex number", shown(word))),
+        Some(0) => Err("vertices count from 1, found 0".into()),
+        Some(i @ 1..) if i as u64 <= count as u64 => Ok(i as usize - 1),
+        Some(i @ ..0) if i.unsigned_abs() <= so_far as u64 => Ok(so_far - i.unsigned_abs() as usize),
+        Some(i @ 1..) => Err(format!("vertex {i} of a file with {count}")),
+        Some(i) => Err(format!("vertex {i} where {so_far} came before")),
+    }
+}
+
+/// A whole number; what is beyond 64 bits is none.
+fn whole(word: &[u8]) -> Option<i64> {
+    let (negative, digits) = match word {
+        [b'-', digits @ ..] => (true, digits),
+        [b'+', digits @ ..] => (false, digits),
+        digits => (false, digits),
+    };
+    if digits.is_empty() {
+        return None;
+    }
+    let mut value = 0_i64;
+    for &digit in digits {
+        if !digit.is_ascii_digit() {
+            return None;
+        }
+        value = value.checked_mul(10)?.checked_add(i64::from(digit - b'0'))?;
+    }
+    Some(if negative { -value } else { value })
+}
+
+/// Text of the file for a message.
+fn shown(word: &[u8]) -> String {
+    let text = String::from_utf8_lossy(&word[..word.len().min(160)]);
+    let shown: String =
+        text.chars().take(40).map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect();
+    if shown.len() < text.len() || text.len() < word.len() { shown + "…" } else { shown }
+}
+
+const fn is_blank(b: u8) -> bool {
+    matches!(b, b' ' | b'\t' | 0x0b | 0x0c)
+}
+const fn is_end(b: u8) -> bool {
+    matches!(b, b'\n' | b'\r')
+}
+
+/// The statements of a text, comments and empty lines left out.
+struct Statements<'a> {
+    bytes: &'a [u8],
+    at: usize,
+}
+
+impl<'a> Statements<'a> {
+    fn of(bytes: &'a [u8]) -> Self {
+        Self { bytes, at: if bytes.starts_with(b"\xef\xbb\xbf") { 3 } else { 0 } }
+    }
+    fn line_end(&self, from: usize) -> usize {
+        memchr::memchr2(b'\n', b'\r', &self.bytes[from..]).map_or(self.bytes.len(), |n| from + n)
+    }
+}
+
+/// One statement, over all lines that `\` joins.
+struct Statement<'a> {
+    bytes: &'a [u8],
+    keyword: &'a [u8],
+    /// Offset of the keyword.
+    at: usize,
+    /// Where the next word is looked for, and where the statement ends.
+    next: usize,
+    end: usize,
+}
+
+impl<'a> Iterator for Statements<'a> {
+    type Item = Statement<'a>;
+
+    fn next(&mut self) -> Option<Statement<'a>> {
+        loop {
+            while self.bytes.get(self.at).is_some_and(|&b| is_blank(b) || is_end(b)) {
+                self.at += 1;
+            }
+            if self.at >= self.bytes.len() {
+                return None;
+            }
+            let at = self.at;
+            let mut end = self.line_end(at);
+            self.at = end;
+            if self.bytes[at] == b'#' {
+                continue;
+            }
+            while let Some(next) = continued(self.bytes, at, end) {
+                end = self.line_end(next);
+                self.at = end;
+            }
+            let mut statement = Statement { bytes: self.bytes, keyword: b"", at, next: at, end };
+            if let Some((at, keyword)) = statement.word() {
+                (statement.at, statement.keyword) = (at, keyword);
+                return Some(statement);
+            }
+        }
+    }
+}
+
+/// Where the next line begins, if a backslash joins it to the one that ends at `end`.
+fn continued(bytes: &[u8], start: usize, end: usize) -> Option<usize> {
+    let last = bytes[start..end].iter().rposition(|&b| !is_blank(b))? + start;
+    if bytes[last] != b'\\' || end == bytes.len() {
+        return None;
+    }
+    Some(end + if bytes[end..].starts_with(b"\r\n") { 2 } else { 1 })
+}
+
+impl<'a> Statement<'a> {
+    /// The next word and its offset. A comment ends the statement.
+    #[inline]
+    fn word(&mut self) -> Option<(usize, &'a [u8])> {
+        let bytes = &self.bytes[..self.end];
+        let mut at = self.next;
+        while let Some(&b) = bytes.get(at) {
+            let joins = b == b'\\' && bytes[at + 1..].iter().find(|&&b| !is_blank(b)).is_none_or(|&b| is_end(b));
+            if !is_blank(b) && !is_end(b) && !joins {
+                break;
+            }
+            at += 1;
+        }
+        let start = at;
+        while let Some(&b) = bytes.get(at) {
+            if b <= b' ' && (is_blank(b) || is_end(b)) {
+                break;
+            }
+            at += 1;
+        }
+        // a backslash at the line's end joins though it touches the word
+        if at > start + 1
+            && bytes[at - 1] == b'\\'
+            && bytes[at..].iter().find(|&&b| !is_blank(b)).is_none_or(|&b| is_end(b))
+        {
+            at -= 1;
+        }
+        self.next = at;
+        match bytes.get(start) {
+            None | Some(b'#') => {
+                self.next = self.end;
+                None
+            }
+            Some(_) => Some((start, &bytes[start..at])),
+        }
+    }
+
+    /// All that follows the keyword, on one line, blanks inside kept.
+    fn rest(&self) -> String {
+        let text = String::from_utf8_lossy(&self.bytes[self.next..self.end]);
+        let joined: Vec<&str> = text
+            .split(['\n', '\r'])
+            .map(|line| line.trim().trim_end_matches('\\').trim_end())
+            .filter(|l| !l.is_empty())
+            .collect();
+        joined.join(" ")
+    }
+}
+
+/// Faults by offset.
+#[derive(Default)]
+struct Faults {
+    list: Vec<(usize, String)>,
+    count: usize,
+}
+
+impl Faults {
+    fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+    /// Faults come in the order of the file within each walk; the first of both are kept.
+    fn add(&mut self, at: usize, message: String) {
+        self.count += 1;
+        if self.list.len() == MOST_FAULTS {
+            let (last, _) = self.list[MOST_FAULTS - 1];
+            if at >= last {
+                return;
+            }
+            self.list.pop();
+        }
+        let place = self.list.partition_point(|f| f.0 <= at);
+        self.list.insert(place, (at, message));
+    }
+    fn listed(self, bytes: &[u8]) -> ObjError {
+        let places = locate(bytes, &self.list.iter().map(|f| f.0).collect::<Vec<_>>());
+        let mut faults: Vec<ObjFault> = (self.list.into_iter().zip(places))
+            .map(|((_, message), (line, column))| ObjFault { line, column, message })
+            .collect();
+        let more = self.count - faults.len();
+        if let (Some(last), true) = (faults.last_mut(), more > 0) {
+            last.message += &format!(" (and {more} faults more)");
+        }
+        ObjError::Malformed(faults)
+    }
+}
+
+/// Line and column of ascending offsets.
+fn locate(bytes: &[u8], offsets: &[usize]) -> Vec<(usize, usize)> {
+    let (mut line, mut start, mut at) = (1, 0, 0);
+    offsets
+        .iter()
+        .map(|&offset| {
+            while let Some(n) = memchr::memchr2(b'\n', b'\r', &bytes[at..offset]) {
+                at += n + 1 + usize::from(bytes[at + n..].starts_with(b"\r\n"));
+                (line, start) = (line + 1, at);
+                if at > offset {
+                    (at, start) = (offset, offset);
+                }
+            }
+            at = offset;
+            let bom = if start == 0 && bytes.starts_with(b"\xef\xbb\xbf") { 3.min(offset) } else { 0 };
+            (line, String::from_utf8_lossy(&bytes[start + bom..offset]).chars().count() + 1)
+        })
+        .collect()
+}
+
+/// What was left out, with the offset of the first of each keyword.
+#[derive(Default)]
+struct Skipped {
+    list: Vec<(ObjSkipped, usize)>,
+}
+
+impl Skipped {
+    fn add(&mut self, statement: &Statement, kind: ObjKind) {
+        let keyword = shown(statement.keyword);
+        if let Some((s, _)) = self.list.iter_mut().find(|(s, _)| s.keyword == keyword) {
+            s.count += 1;
+        } else if self.list.len() < MOST_FAULTS {
+            self.list.push((ObjSkipped { keyword, kind, count: 1, line: 0 }, statement.at));
+        }
+    }
+    fn located(self, bytes: &[u8]) -> Vec<ObjSkipped> {
+        let places = locate(bytes, &self.list.iter().map(|s| s.1).collect::<Vec<_>>());
+        self.list.into_iter().zip(places).map(|((s, _), (line, _))| ObjSkipped { line, ..s }).collect()
     }
 }
 
@@ -324,6 +535,7 @@ mod tests {
             other => panic!("{text:?}: {other:?}"),
         }
     }
+    const VERTEX: &str = "a vertex has 3 numbers, and at most a weight and a colour more, found 0";
     const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
 
     #[test]
@@ -338,18 +550,18 @@ mod tests {
         .unwrap();
         assert_eq!(asked, ["", "Old  Brick"]);
         assert_eq!(mesh.materials_found, asked);
-        assert_eq!(mesh.facets.len(), 2);
-        assert_eq!(mesh.facets[0].corners[2], DVec3::new(2.0, 0.0, 3.0));
-        assert!((mesh.facets[0].normal - DVec3::NEG_Y).length() < 1e-15);
-        assert_eq!((mesh.facets[0].material, mesh.facets[1].material), (MaterialId(1), MaterialId(2)));
-        assert!((mesh.facets[1].area - 3.0).abs() < 1e-12);
+        assert_eq!(mesh.mesh.facet_count(), 2);
+        assert_eq!(mesh.mesh.facet(0).corners[2], DVec3::new(2.0, 0.0, 3.0));
+        assert!((mesh.mesh.facet(0).normal - DVec3::NEG_Y).length() < 1e-15);
+        assert_eq!((mesh.mesh.facet(0).material, mesh.mesh.facet(1).material), (MaterialId(1), MaterialId(2)));
+        assert!((mesh.mesh.facet(1).area - 3.0).abs() < 1e-12);
     }
 
     /// Metres of UTM keep their millimetres, which single precision would round to half a metre.
     #[test]
     fn far_coordinates_keep_their_digits() {
         let mesh = read("v 430000.001 5100000.123 0\nv 430001 5100000 0\nv 430000 5100001 0.5\nf 1 2 3\n").unwrap();
-        assert_eq!(mesh.facets[0].corners[0], DVec3::new(430_000.001, 5_100_000.123, 0.0));
+        assert_eq!(mesh.mesh.facet(0).corners[0], DVec3::new(430_000.001, 5_100_000.123, 0.0));
     }
 
     #[test]
@@ -360,9 +572,8 @@ mod tests {
         assert_eq!(fault("v 0 0 1e999\n").1, 7);
         assert_eq!(fault("v 0 0 x\n"), (1, 7, "`x` is not a number".into()));
         assert!(on_square("v 1 2").2.contains("found 2"));
-        assert!(on_square("v 1 2 3 0.5").2.contains("weight 0.5"));
-        assert!(on_square("v 1 2 3 4 5").2.contains("found 5"));
-        assert!(on_square("v 1 2 3 4 5 6 7").2.contains("found 7"));
+        assert!(on_square("v 1 2 3 4 5 6 7 8").2.contains("found 8"));
+        assert_eq!(on_square("v 1 2 3 red").1, 9);
         assert_eq!(on_square("f 1 2"), (5, 1, "a face has three corners at least, found 2".into()));
         assert_eq!(on_square("f").0, 5);
         assert_eq!(on_square("f 1 2 0"), (5, 7, "vertices count from 1, found 0".into()));
@@ -371,14 +582,61 @@ mod tests {
         assert_eq!(on_square("f 1 2 99999999999999999999").0, 5);
         assert_eq!(on_square("f 1 2 3/1/1/1").1, 7);
         assert_eq!(on_square("f 1 2 /1").1, 7);
-        assert!(on_square("f 1 2 \\\n 3").2.contains("continued"));
-        assert!(fault("v 0 0 0\rv 1 0 0\r").2.contains("carriage return"));
+        assert_eq!(on_square("f 1 2 \\\n  9"), (6, 3, "vertex 9 of a file with 4".into()));
+        assert_eq!(fault("v 0 0 0\rv 1 0\r\nv 1 0 0\rf 1 2 3 4"), (2, 1, VERTEX.replace("found 0", "found 2")));
+        assert_eq!(fault("\u{feff}v 0 0\n"), (1, 1, VERTEX.replace("found 0", "found 2")));
+        assert!(fault("\u{feff}# \u{e9}\n\u{e9} v\nf 1 2 3\n").2.contains("of a file with 0"));
         assert_eq!(fault("v 0 0 0\nv 1 0\0 0\n").0, 2);
         assert!(fault("").2.contains("no faces"));
         assert!(fault(SQUARE).2.contains("no faces"));
-        assert!(on_square("ply").2.contains("no OBJ statement"));
-        assert!(on_square("surf 0 1 0 1 1 2 3 4").2.contains("free-form"));
+        assert!(fault("ply\nformat ascii 1.0\n").2.contains("begins with `ply`"));
+        let utf_16: Vec<u8> = "\u{feff}v 0 0 0\n".encode_utf16().flat_map(u16::to_le_bytes).collect();
+        assert!(read_obj(&utf_16, 1.0, Up::Z, &mut |_| None).unwrap_err().to_string().contains("UTF-16"));
         assert_eq!(on_square("f 1 3 2 4").0, 5);
+    }
+
+    /// The same square by every way of ending and joining lines, of counting corners and of adding to a vertex; comments
+    /// behind statements, faces before vertices, and blanks at either end.
+    #[test]
+    fn one_square_may_be_written_in_many_ways() {
+        let same = [
+            format!("{SQUARE}f 1 2 3 4\n"),
+            format!("{SQUARE}f 1 2 3 4\n").replace('\n', "\r\n"),
+            format!("{SQUARE}f 1 2 3 4").replace('\n', "\r"),
+            format!("\u{feff}# up\\\n \t{SQUARE}  f -4/1 -3//2 -2/1/1 -1/ # the roof"),
+            format!("f 1 \\\n 2 3\\\r\n4\n{SQUARE}"),
+            format!("f 1 2 \\ \t\n 3 4\n{SQUARE}"),
+            "v 0 0 0 1\nv 1 0 0 0.5\nv 1 1 0 1 0 0\nv 0 +1. .0e5 1 0.2 0.2 0.2\nf 1 2 3 4".into(),
+        ];
+        for text in same {
+            let read = read(&text).unwrap();
+            let corners = read.mesh.facet(0).corners;
+            assert_eq!((read.mesh.facet_count(), corners.len(), read.skipped.len()), (1, 4, 0), "{text:?}");
+            assert!(corners.iter().all(|c| c.x * (1.0 - c.x) == 0.0 && c.y * (1.0 - c.y) == 0.0), "{text:?}");
+        }
+    }
+
+    #[test]
+    fn what_is_left_out_is_counted_and_placed() {
+        let text = format!("{SQUARE}l 1 2 3\nl 1 2\nwobble 3\nsurf 0 1 0 1 1 2 3 4\nend\ng a b\ns off\nf 1 2 3\np 1");
+        let skipped = read(&text).unwrap().skipped;
+        let told: Vec<_> = skipped.iter().map(|s| (s.keyword.as_str(), s.kind, s.count, s.line)).collect();
+        let (line, free) = (ObjKind::PointOrLine, ObjKind::FreeForm);
+        assert_eq!(
+            told,
+            [("l", line, 2, 5), ("wobble", ObjKind::Unknown, 1, 7), ("surf", free, 1, 8), ("p", line, 1, 13)]
+        );
+        let many: String = (0..100).map(|i| format!("k{i} 1\n")).collect();
+        assert_eq!(read(&format!("{many}{SQUARE}f 1 2 3")).unwrap().skipped.len(), MOST_FAULTS);
+    }
+
+    /// Faults of vertices and of faces come in the order of the file, the first 20 of all.
+    #[test]
+    fn faults_of_both_walks_are_merged_by_line() {
+        let text = format!("{SQUARE}{}", "f 1 2 99\nv 0 0 x\n".repeat(15));
+        let Err(ObjError::Malformed(faults)) = read(&text) else { panic!() };
+        assert_eq!(faults.iter().map(|f| f.line).collect::<Vec<_>>(), (5..25).collect::<Vec<_>>());
+        assert!(faults[19].message.contains("10 faults more"));
     }
 
     #[test]
@@ -390,17 +648,17 @@ mod tests {
         assert!(faults[MOST_FAULTS - 1].message.contains("280 faults more"));
         let text = format!("{SQUARE}usemtl a\nf 1 2 3\nusemtl b\nf 1 2 3\nusemtl c\nf 1 3 4\nusemtl never\n");
         let unmapped = read_obj(text.as_bytes(), 1.0, Up::Z, &mut |n| (n == "b").then_some(MaterialId(0)));
-        assert_eq!(unmapped, Err(ObjError::Unmapped(vec!["a".into(), "c".into()])));
+        assert_eq!(unmapped.unwrap_err(), ObjError::Unmapped(vec!["a".into(), "c".into()]));
     }
 
     /// A concave planar face stays one facet; a bent quadrilateral becomes two triangles; a face on a line is left out.
     #[test]
     fn faces_of_many_corners_keep_their_shape() {
         let ell = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 1 1 0\nv 1 2 0\nv 0 2 0\nf 5 6 1 2 3 4\n";
-        assert!((read(ell).unwrap().facets[0].area - 3.0).abs() < 1e-12);
+        assert!((read(ell).unwrap().mesh.facet(0).area - 3.0).abs() < 1e-12);
         let bent = read("v 0 0 0\nv 1 0 0\nv 1 1 0.5\nv 0 1 0\nf 1 2 3 4\nf 1 2 2\n").unwrap();
-        assert_eq!((bent.facets.len(), bent.split_not_planar, bent.dropped_zero_area), (2, 1, 1));
-        assert!(bent.facets.iter().all(|f| f.normal.z > 0.0));
+        assert_eq!((bent.mesh.facet_count(), bent.split_not_planar, bent.dropped_zero_area), (2, 1, 1));
+        assert!(bent.mesh.facets().all(|f| f.normal.z > 0.0));
     }
 
     /// Mutated bytes give facets or faults, never a panic.

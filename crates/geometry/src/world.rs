@@ -348,7 +348,7 @@ impl World {
         let [u, v, w] = found.weights;
         let point = u * a + v * b + w * c;
         let point = if placed.in_place { point } else { placed.to_world.transform_point3(point) };
-        let index = mesh.facet_of[found.triangle as usize];
+        let index = mesh.facet_of(found.triangle);
         let normal = placed.normal(mesh.normal(found.triangle, &corners));
         // With u the unit roundoff: weights and their sum 7 u |v| [PBRT 4e, eq. 6.27]; the pose there 4 u and, for rays that
         // start here, back 4 u, each on all its terms; corner − origin and shear 5 u. In all less than 16 u of the largest
