@@ -113,7 +113,7 @@ impl Builder<'_> {
         for shape in shapes {
             match shape {
                 Shape::Facets { material, polygons } => {
-for (corners, span) in polygons.iter() {
+                    for (corners, span) in polygons.iter() {
                         self.facet(corners, *material, span, &mut built);
                     }
                 }
