@@ -78,7 +78,8 @@ impl Axis {
             if low > 0.0 && low < 0.25 * high {
                 low = 0.0;
             }
-            (low, high) = ((low / step + 1e-9).floor() * step, (high / step - 1e-9).ceil() * step);
+            let half = 0.5 * step;
+            (low, high) = ((low / half + 1e-9).floor() * half, (high / half - 1e-9).ceil() * half);
         }
         let first = (low / step - 1e-6).ceil() as i64;
         let last = (high / step + 1e-6).floor() as i64;
@@ -191,10 +192,10 @@ mod tests {
     fn ticks_are_round_numbers() {
         let axis = Axis::new("ρ", "");
         assert_eq!(written(&axis, &[0.05, 0.93]), ["0.0", "0.2", "0.4", "0.6", "0.8", "1.0"]);
-        assert_eq!(written(&axis, &[-40.0, 41.0]), ["−40", "−20", "0", "20", "40", "60"]);
-        assert_eq!(written(&axis, &[0.0, 1200.0]), ["0", "250", "500", "750", "1000", "1250"]);
+        assert_eq!(written(&axis, &[-40.0, 41.0]), ["−40", "−20", "0", "20", "40"]);
+        assert_eq!(written(&axis, &[0.0, 1240.0]), ["0", "250", "500", "750", "1000", "1250"]);
         assert_eq!(written(&Axis::new("λ", "µm").within(0.4, 1.0), &[]), ["0.4", "0.6", "0.8", "1.0"]);
-        assert_eq!(written(&axis, &[0.0, 1.2]), ["0.00", "0.25", "0.50", "0.75", "1.00", "1.25"]);
+        assert_eq!(written(&axis, &[0.0, 1.1]), ["0.00", "0.25", "0.50", "0.75", "1.00"]);
     }
 
     #[test]

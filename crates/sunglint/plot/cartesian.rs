@@ -99,14 +99,15 @@ impl Plot {
             let seen = grown(place, 0.01);
             let inside = |p: &Point| (seen.left..=seen.right).contains(&p.0) && (seen.top..=seen.bottom).contains(&p.1);
             let places: Vec<Point> = series.points.iter().filter_map(at).filter(inside).collect();
-            let opacity = match places.len() {
-                0..200 => 0.9,
-                200..2000 => 0.6,
-                2000..20_000 => 0.35,
-                _ => 0.2,
+            // Dense clouds are drawn finer and fainter, so that their inside is seen.
+            let (size, opacity) = match places.len() {
+                0..200 => (1.0, 0.9),
+                200..2000 => (0.75, 0.6),
+                2000..20_000 => (0.45, 0.45),
+                _ => (0.3, 0.3),
             };
             let marks: Vec<Mark> =
-                places.iter().filter_map(|p| legend::symbol(series.style, number, *p, opacity)).collect();
+                places.iter().filter_map(|p| legend::symbol(series.style, number, *p, size, opacity)).collect();
             if marks.len() > MOST_MARKS {
                 let place = grown(place, 5.0);
                 let pixels = raster::layer(place, &marks, 2.0);

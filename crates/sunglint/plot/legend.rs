@@ -48,7 +48,7 @@ impl<'s> Legend<'s> {
                 if let Some(stroke) = stroke(series.style, *number) {
                     picture.line(vec![(left, y), (left + SAMPLE, y)], stroke);
                 }
-                if let Some(mark) = symbol(series.style, *number, (left + 0.5 * SAMPLE, y), 1.0) {
+                if let Some(mark) = symbol(series.style, *number, (left + 0.5 * SAMPLE, y), 1.0, 1.0) {
                     picture.draw(mark);
                 }
                 picture.text((left + SAMPLE + 7.0, y + 0.35 * TICK), &series.name, TICK, Anchor::Start);
@@ -82,15 +82,15 @@ pub(super) fn stroke(style: Style, number: usize) -> Option<Stroke> {
     Some(Stroke { colour: colour_of(style, number), width, dashes })
 }
 
-/// The mark of a series at a place, if it has one: a form for each colour.
-pub(super) fn symbol(style: Style, number: usize, (x, y): Point, opacity: f64) -> Option<Mark> {
+/// The mark of a series at a place, if it has one: a form for each colour; size 1 is that of the legend.
+pub(super) fn symbol(style: Style, number: usize, (x, y): Point, size: f64, opacity: f64) -> Option<Mark> {
     if !matches!(style, Style::Points | Style::Marked) {
         return None;
     }
     let colour = colour_of(style, number);
-    let corners = |list: &[Point]| list.iter().map(|(u, v)| (x + 3.6 * u, y + 3.6 * v)).collect();
+    let corners = |list: &[Point]| list.iter().map(|(u, v)| (x + 3.6 * size * u, y + 3.6 * size * v)).collect();
     let form: &[Point] = match (number + colour::round_of(number)) % 6 {
-        0 => return Some(Mark::Disk { centre: (x, y), radius: 3.4, colour, opacity }),
+        0 => return Some(Mark::Disk { centre: (x, y), radius: 3.4 * size, colour, opacity }),
         1 => &[(-0.85, -0.85), (0.85, -0.85), (0.85, 0.85), (-0.85, 0.85)],
         2 => &[(0.0, -1.15), (1.05, 0.75), (-1.05, 0.75)],
         3 => &[(0.0, -1.25), (1.25, 0.0), (0.0, 1.25), (-1.25, 0.0)],

@@ -95,7 +95,7 @@ impl Polar {
                 }
             }
             for place in places.into_iter().flatten() {
-                legend::symbol(series.style, number, place, 0.9).into_iter().for_each(|mark| picture.draw(mark));
+                legend::symbol(series.style, number, place, 0.9, 0.9).into_iter().for_each(|mark| picture.draw(mark));
             }
         }
         for (angle, label) in &self.arrows {
