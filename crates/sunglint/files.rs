@@ -10,6 +10,9 @@ use sunglint_dsl::{LoadError, Loaded, Loader, nearest};
 /// Largest file that a scene may name \[bytes\].
 const LARGEST: u64 = 2 << 30;
 
+/// Most names that the listing of a folder holds.
+const MOST_LISTED: usize = 100_000;
+
 /// Reads files from disk, and shipped data behind `sunglint:`.
 #[derive(Default)]
 pub struct Files {
@@ -60,12 +63,36 @@ impl Loader for Files {
         self.read.insert(full, loaded.clone());
         Ok(loaded)
     }
+
+    fn list(&mut self, path: &str, from: &str) -> Result<Vec<String>, LoadError> {
+        if path == "sunglint:materials" {
+            return Ok(sunglint_reflectance::shipped_materials().map(|(name, _)| format!("{name}.glint")).collect());
+        }
+        let full = Path::new(from).parent().unwrap_or(Path::new("")).join(path);
+        let shown = full.to_string_lossy();
+        let here = if full.as_os_str().is_empty() { Path::new(".") } else { &full };
+        match fs::read_dir(here) {
+            Ok(entries) => Ok(entries
+                .filter_map(|entry| Some(entry.ok()?.file_name().to_string_lossy().into_owned()))
+                .take(MOST_LISTED)
+                .collect()),
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+                Err(LoadError { message: format!("there is no folder `{shown}`"), nearest: nearest_in_folder(&full) })
+            }
+            Err(error) => {
+                Err(LoadError { message: format!("`{shown}` is no readable folder: {error}"), nearest: None })
+            }
+        }
+    }
 }
 
 impl Files {
     fn shipped(&mut self, path: &str, name: &str) -> Result<Loaded, LoadError> {
         let Some(text) = sunglint_reflectance::shipped(name) else {
-            let nearest = nearest(name, sunglint_reflectance::shipped_names());
+            let materials: Vec<String> =
+                sunglint_reflectance::shipped_materials().map(|(name, _)| format!("materials/{name}.glint")).collect();
+            let known = sunglint_reflectance::shipped_names().chain(materials.iter().map(String::as_str));
+            let nearest = nearest(name, known);
             return Err(LoadError {
                 message: format!("no shipped data is called `{name}`"),
                 nearest: nearest.map(|name| format!("sunglint:{name}")),

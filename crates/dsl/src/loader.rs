@@ -26,4 +26,10 @@ pub trait Loader {
     /// Reads the file that `path` names in the file `from` (relative paths are relative to the file they stand in;
     /// `sunglint:…` is shipped data). The main scene has `from = ""`.
     fn read(&mut self, path: &str, from: &str) -> Result<Loaded, LoadError>;
+
+    /// Names of the files in the folder that `path` names in the file `from`, in any order; none where the loader knows no
+    /// folders.
+    fn list(&mut self, _path: &str, _from: &str) -> Result<Vec<String>, LoadError> {
+        Ok(Vec::new())
+    }
 }

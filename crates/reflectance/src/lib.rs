@@ -20,7 +20,7 @@ mod view_table;
 
 pub use category::Category;
 pub use fresnel::fresnel_dielectric;
-pub use shipped::{shipped, shipped_names};
+pub use shipped::{shipped, shipped_materials, shipped_names};
 pub use split::{AngularSpectra, Split};
 pub use top_hat::{SOLAR_DISK, TopHat};
 

@@ -1,23 +1,46 @@
-//! Reflectance spectra that come with Sunglint; `data/reflectance/README.md` has the source and licence of each.
+//! Reflectance spectra and the database of materials that come with Sunglint; `data/README.md` has the source and
+//! licence of each.
 
-/// The CSV text (`wavelength_nm,reflectance`) of a shipped spectrum, by its path after `sunglint:`
-/// (`reflectance/asphalt_road_old.csv`).
+/// The text of a shipped file by its path after `sunglint:`: a spectrum (`reflectance/asphalt_road_old.csv`, columns
+/// `wavelength_nm,reflectance`) or a material (`materials/asphalt_road_old.glint`).
 pub fn shipped(name: &str) -> Option<&'static str> {
-    SPECTRA.iter().find(|(known, _)| *known == name).map(|(_, text)| *text)
+    if let Some(material) = name.strip_prefix("materials/").and_then(|name| name.strip_suffix(".glint")) {
+        return shipped_materials().find(|(known, _)| *known == material).map(|(_, text)| text);
+    }
+    SHIPPED.iter().find(|shipped| shipped.spectrum.0 == name).map(|shipped| shipped.spectrum.1)
 }
 
-/// Names that [`shipped`] knows, in alphabetical order.
+/// Paths of the spectra that [`shipped`] knows, in alphabetical order.
 pub fn shipped_names() -> impl Iterator<Item = &'static str> {
-    SPECTRA.iter().map(|(name, _)| *name)
+    SHIPPED.iter().map(|shipped| shipped.spectrum.0)
 }
 
-macro_rules! spectra {
+/// The materials that come with Sunglint, each a name and a scene text of one `material NAME { … }`, in alphabetical
+/// order. `material NAME` alone in a scene takes it.
+pub fn shipped_materials() -> impl Iterator<Item = (&'static str, &'static str)> {
+    SHIPPED.iter().map(|shipped| shipped.material)
+}
+
+struct Shipped {
+    /// Path and CSV text.
+    spectrum: (&'static str, &'static str),
+    /// Name and scene text.
+    material: (&'static str, &'static str),
+}
+
+macro_rules! shipped {
     ($($name:literal)*) => {
-        &[$((concat!("reflectance/", $name, ".csv"), include_str!(concat!("../data/reflectance/", $name, ".csv")))),*]
+        &[$(Shipped {
+            spectrum: (
+                concat!("reflectance/", $name, ".csv"),
+                include_str!(concat!("../data/reflectance/", $name, ".csv")),
+            ),
+            material: ($name, include_str!(concat!("../data/materials/", $name, ".glint"))),
+        }),*]
     };
 }
 
-const SPECTRA: &[(&str, &str)] = spectra! {
+const SHIPPED: &[Shipped] = shipped! {
     "asphalt_road_old"
     "brick_dark_red"
     "concrete_light_grey"
@@ -64,5 +87,18 @@ mod tests {
             assert!(curve.range().0 >= 0.0 && curve.range().1 <= 1.0, "{name}: {:?}", curve.range());
         }
         assert_eq!(shipped("reflectance/nowhere.csv"), None);
+    }
+
+    /// Whoever uses a material can say what it is, from where, and under which licence.
+    #[test]
+    fn every_shipped_material_says_its_source_and_licence() {
+        assert_eq!(shipped_materials().count(), 22);
+        for (name, text) in shipped_materials() {
+            assert_eq!(shipped(&format!("materials/{name}.glint")), Some(text));
+            for said in ["title \"", "source \"", "licence \"", "ideal", &format!("material {name} {{")] {
+                assert!(text.contains(said), "{name} lacks {said}");
+            }
+            assert!(text.contains(&format!("\"sunglint:reflectance/{name}.csv\"")), "{name}");
+        }
     }
 }
