@@ -16,6 +16,7 @@ mod files;
 mod frames;
 mod grid;
 mod plan;
+pub mod plot;
 mod products;
 mod render;
 mod report;
