@@ -20,15 +20,17 @@ mod products;
 mod render;
 mod report;
 mod scenery;
+mod selection;
 mod times;
 
 pub use catalog::catalog;
 pub use explain::{ExplainedBand, ExplainedHit, Explanation, explain};
 pub use files::Files;
 pub use frames::{Frame, Frames};
-pub use plan::{Options, Plan, Run, Skip};
+pub use plan::{LeftOut, Options, Plan, Run, Skip};
 pub use render::{Progress, RenderError, Rendered, moments_json, rays_json, render, skips_json};
 pub use report::{render as render_diagnostics, to_json as diagnostics_to_json};
+pub use selection::Crop;
 pub use sunglint_dsl::{Diagnostic, Severity, Sources};
 pub use times::{Moment, iso, parse_utc, sun_at};
 
