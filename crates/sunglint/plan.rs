@@ -20,6 +20,8 @@ use crate::{Checked, Refused, grid, scenery, times};
 
 /// Most samples a pixel under `error`.
 const MOST_SAMPLES: u32 = 4096;
+/// Least samples a pixel under `time`.
+const LEAST_SAMPLES: u32 = 16;
 
 /// What a user may change without touching the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -412,6 +414,7 @@ impl Planner<'_> {
             (None, Accuracy::Error { relative, floor }) => {
                 sunglint_tracer::Accuracy::Error { relative, floor, most: MOST_SAMPLES }
             }
+            (None, Accuracy::Time { .. }) => sunglint_tracer::Accuracy::Samples(LEAST_SAMPLES),
         };
         let models = (uses.iter())
             .filter_map(|(material, use_)| {

@@ -18,7 +18,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use sunglint_plugin::{Catalog, Role};
 
 use self::block::{Body, Braces, Line, Owner, Rule, inherit, rule};
-use self::experiment::{Choice, EXPERIMENT};
+use self::experiment::{Choice, EXPERIMENT, SNAPSHOT};
 use self::geometry::{GEOMETRY, GROUND_RULE, Scope, materials_of};
 use self::material::MATERIAL_HEAD;
 use self::names::{Kind, Names};
@@ -144,7 +144,7 @@ const SCENE: &[Rule] = &[
     rule("periodic", "periodic POINT2 POINT2").many().later(Severity::Error),
     rule("sensor", "sensor NAME { … }").many().leading(1).clauses(LIKE_SENSOR).braces(Braces::Optional),
     rule("experiment", "experiment NAME { … }").many().leading(1).clauses(LIKE_EXPERIMENT).braces(Braces::Optional),
-    rule("snapshot", "snapshot { … }").braces(Braces::Optional).later(Severity::Warning),
+    rule("snapshot", "snapshot { pixels 64 x 48 }").braces(Braces::Required),
 ];
 const LIKE_SENSOR: &[Rule] = &[rule("like", "like SENSOR").word()];
 const LIKE_EXPERIMENT: &[Rule] = &[rule("like", "like EXPERIMENT").word()];
@@ -160,7 +160,7 @@ fn circle(names: &[&str]) -> String {
 
 /// Where a key belongs that stands elsewhere.
 fn home_of(key: &str) -> Option<&'static str> {
-    let tables: [(&[Rule], &'static str); 7] = [
+    let tables: [(&[Rule], &'static str); 8] = [
         (SCENE, "the scene, outside every block"),
         (GEOMETRY, "the scene or an object"),
         (time::SITE, "`site`"),
@@ -168,6 +168,7 @@ fn home_of(key: &str) -> Option<&'static str> {
         (time::WEATHER, "`weather`"),
         (time::COLLECT, "`collect`"),
         (EXPERIMENT, "`experiment`"),
+        (SNAPSHOT, "`snapshot`"),
     ];
     tables.iter().find(|(rules, _)| rules.iter().any(|rule| rule.key == key)).map(|(_, home)| *home)
 }
@@ -310,7 +311,21 @@ impl<'a> Checker<'a> {
         if experiments.is_empty() {
             experiments.push(self.default_experiment(&choice));
         }
-        Scene { title, site, collects, weathers, atmosphere, materials, objects, world, ground, sensors, experiments }
+        let snapshot = self.snapshot(&top);
+        Scene {
+            title,
+            site,
+            collects,
+            weathers,
+            atmosphere,
+            materials,
+            objects,
+            world,
+            ground,
+            sensors,
+            experiments,
+            snapshot,
+        }
     }
 
     /// Whether a statement that seems missing may be one that could not be read.

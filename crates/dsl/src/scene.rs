@@ -33,6 +33,8 @@ pub struct Scene {
     pub sensors: Vec<Sensor>,
     /// Experiments, at least one (`default` where the scene has none).
     pub experiments: Vec<Experiment>,
+    /// What `test` renders.
+    pub snapshot: Snapshot,
 }
 
 /// Where the scene is.
@@ -518,6 +520,30 @@ pub enum Accuracy {
         /// Floor.
         floor: Option<f64>,
     },
+    /// As many samples as fit into a time of rendering \[s\], the same for every pixel.
+    Time {
+        /// Wall-clock seconds.
+        seconds: f64,
+    },
+}
+
+/// The small picture of a study that `test` renders and compares.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Snapshot {
+    /// Across, down, in place of every sensor's own.
+    pub pixels: (u32, u32),
+    /// Largest relative difference that is no difference, 0..1.
+    pub tolerance: f64,
+    /// Names of the experiments; all where empty. The name of an experiment stands for all runs of its sweeps.
+    pub experiments: Vec<String>,
+    /// Where it is said; `None` where the scene says nothing.
+    pub span: Option<Span>,
+}
+
+impl Default for Snapshot {
+    fn default() -> Self {
+        Self { pixels: (64, 48), tolerance: 1e-3, experiments: Vec::new(), span: None }
+    }
 }
 
 /// What an experiment writes.

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use glam::DVec3;
-use sunglint_dsl::scene::{Accuracy, Bands, Facing, Optics, SensorPose, Shape, Times};
+use sunglint_dsl::scene::{Accuracy, Bands, Facing, Optics, SensorPose, Shape, Snapshot, Times};
 use sunglint_dsl::{Diagnostic, LoadError, Loaded, Loader, Scene, Severity, Sources, check, parse};
 use sunglint_plugin::{Catalog, Column, Default, ModelInfo, Param, Role, SpectralValue, TableKey};
 use sunglint_radiometry::Dimension;
@@ -331,7 +331,6 @@ fn messages_read_as_the_language_page_shows_them() {
 fn warnings_leave_the_scene_standing() {
     for (code, from, to) in [
         ("L01", "field_of_view", "ccd { pitch 9.9 um }\n  field_of_view"),
-        ("L01", "material grey {", "snapshot { pixels 32 x 24 }\nmaterial grey {"),
         ("L01", "material grey {", "experiment a { products [radiance, counts] }\nmaterial grey {"),
         ("G01", "material grey {", "facet grey (0 0 0) (1 0 0) (2 0 0) m\nmaterial grey {"),
         ("N05", "material grey {", "define rural 3 m\nweather w { aerosol rural }\nmaterial grey {"),
@@ -340,6 +339,19 @@ fn warnings_leave_the_scene_standing() {
         assert_eq!(out.codes(), [code], "{}", out.shown());
         assert!(out.scene.is_some() && out.diagnostics[0].severity == Severity::Warning, "{}", out.shown());
     }
+}
+
+#[test]
+fn a_snapshot_is_small_unless_the_scene_says_otherwise() {
+    assert_eq!(good(EXAMPLE).snapshot, Snapshot::default());
+    let text = EXAMPLE.to_string()
+        + "experiment haze { }\nexperiment clear { }\n\
+           snapshot { pixels 32 x 24, tolerance 2 %, experiment [clear, haze] }\n";
+    let Snapshot { pixels, tolerance, experiments, span } = good(&text).snapshot;
+    assert_eq!((pixels, tolerance, span.is_some()), ((32, 24), 0.02, true));
+    assert_eq!(experiments, ["clear", "haze"]);
+    let unknown = run(&text.replace("[clear, haze]", "[claer]"));
+    assert_eq!(unknown.codes(), ["N02"], "{}", unknown.shown());
 }
 
 #[test]

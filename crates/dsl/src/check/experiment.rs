@@ -5,14 +5,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use sunglint_plugin::Role;
 use sunglint_radiometry::Dimension;
 
-use super::block::{Body, Braces, Line, Rule, later, rule};
+use super::block::{Body, Braces, Line, Owner, Rule, later, rule};
 use super::material::Identities;
 use super::names::Kind;
 use super::value::Quantity;
 use super::{Checker, Entity};
 use crate::ast::{Item, Value};
 use crate::nearest::list;
-use crate::scene::{Accuracy, Experiment, Material, ModelUse, Products, Sensor, Weather};
+use crate::scene::{Accuracy, Experiment, Material, ModelUse, Products, Sensor, Snapshot, Weather};
 use crate::{Diagnostic, Severity, Span};
 
 /// The statements of an experiment's block.
@@ -33,6 +33,12 @@ pub(super) const EXPERIMENT: &[Rule] = &[
     rule("seed", "seed COUNT"),
     rule("products", "products NAMES"),
 ];
+
+/// The statements of `snapshot`.
+pub(super) const SNAPSHOT: &[Rule] =
+    &[rule("pixels", "pixels 64 x 48"), rule("tolerance", "tolerance 0.1 %"), rule("experiment", "experiment NAMES")];
+/// The most pixels along a side of a snapshot: it is rendered at every test.
+const MOST_SNAPSHOT: u64 = 4096;
 
 const PRODUCTS: &[&str] = &["radiance", "truth", "preview", "surface_radiance", "counts", "reflectance_factor"];
 /// What an experiment asks where it says nothing.
@@ -140,6 +146,30 @@ impl<'a> Checker<'a> {
             products: products.unwrap_or(WRITTEN),
             span: Some(entity.line.span()),
         }
+    }
+
+    /// What `test` renders.
+    pub(super) fn snapshot(&mut self, top: &Body<'a>) -> Snapshot {
+        let mut snapshot = Snapshot::default();
+        let Some(line) = top.get("snapshot") else { return snapshot };
+        self.surplus(&line, line.items, 0);
+        let owner = Owner::new("`snapshot`", &line);
+        let statements = line.block.iter().flat_map(|block| &block.statements).map(Line::of);
+        let body = self.hold(statements, SNAPSHOT, SNAPSHOT, &owner);
+        snapshot.span = Some(line.span());
+        if let Some((m, n)) = body.get("pixels").and_then(|line| self.grid(&line, MOST_SNAPSHOT)) {
+            snapshot.pixels = (m as u32, n as u32);
+        }
+        let share = Quantity { percent: true, ..Quantity::new(Dimension::Fraction).within(0.0, 1.0).usual("%") };
+        if let Some(tolerance) = self.optional(body.get("tolerance"), &share) {
+            snapshot.tolerance = tolerance;
+        }
+        if let Some(line) = body.get("experiment") {
+            let chosen = self.references(&line, line.items, Kind::Experiment).unwrap_or_default();
+            let name = |index| self.names.name_of(Kind::Experiment, index);
+            snapshot.experiments = chosen.into_iter().filter_map(name).map(str::to_string).collect();
+        }
+        snapshot
     }
 
     fn accuracy(&mut self, body: &Body<'a>) -> Option<Accuracy> {

@@ -54,6 +54,10 @@ impl<'a> Names<'a> {
     pub(super) fn find(&self, kind: Kind, name: &str) -> Option<(usize, Span)> {
         self.known.get(&kind)?.get(name).copied()
     }
+    /// The name that was declared with an index.
+    pub(super) fn name_of(&self, kind: Kind, index: usize) -> Option<&'a str> {
+        self.known.get(&kind)?.iter().find(|(_, (known, _))| *known == index).map(|(name, _)| *name)
+    }
     pub(super) fn of(&self, kind: Kind) -> impl Iterator<Item = &'a str> {
         self.known.get(&kind).into_iter().flat_map(|names| names.keys().copied())
     }
