@@ -17,6 +17,7 @@ mod files;
 mod frames;
 mod grid;
 mod plan;
+pub mod plot;
 mod products;
 mod render;
 mod report;
