@@ -67,8 +67,8 @@ fn a_killed_render_goes_on_from_its_finished_tiles() {
         [
             "render",
             "examples/truth/truth.glint",
-            "--experiment",
-            "ideal",
+            "--only",
+            "experiment=ideal",
             "--pixels",
             "320x240",
             "--samples",

@@ -50,13 +50,23 @@ impl Run {
     /// Renders all frames to arrays, on all threads of the current pool. The same run gives the same bits on any
     /// number of threads.
     pub fn render(&self) -> Frames {
-        let tiles = tiles(self.pixels);
+        let tiles = self.tiles();
         let results: Vec<TileResult> = tiles.par_iter().map(|tile| self.render_tile(*tile)).collect();
         let mut frames = Frames::new(self);
         for (tile, result) in tiles.iter().zip(&results) {
-            frames.insert(*tile, result);
+            frames.insert(*tile, result, self.window);
         }
         frames
+    }
+
+    /// The tiles that cover the window.
+    pub fn tiles(&self) -> Vec<Tile> {
+        tiles(self.camera.pixels(), self.window)
+    }
+
+    /// Whether less than the whole view is rendered.
+    pub fn is_crop(&self) -> bool {
+        self.pixels != self.camera.pixels()
     }
 
     /// Renders one tile at all times.
@@ -74,7 +84,7 @@ impl Run {
             scenery: &self.scenery,
             algorithm: self.algorithm.as_ref(),
             sight: &sight,
-            pixels: self.pixels,
+            pixels: self.camera.pixels(),
             channels: &self.channels,
             times: &self.light,
             accuracy: self.accuracy,
@@ -88,7 +98,7 @@ impl Run {
 impl Frame {
     /// The frame of the run's time `t`, all zero.
     pub(crate) fn blank(run: &Run, t: usize) -> Self {
-        let n = (run.pixels.0 * run.pixels.1) as usize;
+        let n = run.pixels.0 as usize * run.pixels.1 as usize;
         let images = |wanted: bool| vec![vec![0.0; n]; if wanted { run.channels.len() } else { 0 }];
         Self {
             label: run.moments[t].label.clone(),
@@ -103,7 +113,7 @@ impl Frame {
 impl Frames {
     /// Empty frames of a run.
     pub(crate) fn new(run: &Run) -> Self {
-        let n = (run.pixels.0 * run.pixels.1) as usize;
+        let n = run.pixels.0 as usize * run.pixels.1 as usize;
         let channels = run.channels.channels().to_vec();
         let frames = (0..run.moments.len()).map(|t| Frame::blank(run, t)).collect();
         Self {
@@ -117,15 +127,14 @@ impl Frames {
         }
     }
 
-    fn insert(&mut self, tile: Tile, result: &TileResult) {
-        let width = self.width;
+    fn insert(&mut self, tile: Tile, result: &TileResult, window: Tile) {
         for t in 0..self.frames.len() {
-            insert_frame(&mut self.frames[t], t, tile, result, width);
+            insert_frame(&mut self.frames[t], t, tile, result, window);
         }
         for (map, image) in self.truth.iter_mut().enumerate() {
-            copy_tile(tile, &result.truth, map, image, width);
+            copy_tile(tile, &result.truth, map, image, window);
         }
-        copy_tile(tile, &result.samples, 0, &mut self.samples, width);
+        copy_tile(tile, &result.samples, 0, &mut self.samples, window);
         self.rays += result.rays;
     }
 
@@ -136,26 +145,30 @@ impl Frames {
     }
 }
 
-/// Copies frame `t` of a tile into an image.
-pub(crate) fn insert_frame(frame: &mut Frame, t: usize, tile: Tile, result: &TileResult, width: u32) {
+/// Copies frame `t` of a tile into an image of the window.
+pub(crate) fn insert_frame(frame: &mut Frame, t: usize, tile: Tile, result: &TileResult, window: Tile) {
     let n_channels = frame.radiance.len();
     for c in 0..n_channels {
-        copy_tile(tile, &result.radiance, t * n_channels + c, &mut frame.radiance[c], width);
-        copy_tile(tile, &result.error, t * n_channels + c, &mut frame.error[c], width);
+        copy_tile(tile, &result.radiance, t * n_channels + c, &mut frame.radiance[c], window);
+        copy_tile(tile, &result.error, t * n_channels + c, &mut frame.error[c], window);
         if let Some(surface) = frame.surface.get_mut(c) {
-            copy_tile(tile, &result.surface, t * n_channels + c, surface, width);
+            copy_tile(tile, &result.surface, t * n_channels + c, surface, window);
         }
     }
-    copy_tile(tile, &result.lit, t, &mut frame.lit, width);
+    copy_tile(tile, &result.lit, t, &mut frame.lit, window);
 }
 
-/// Copies layer `layer` of a tile's stack into an image of `width` columns.
-pub(crate) fn copy_tile(tile: Tile, stack: &[f32], layer: usize, image: &mut [f32], width: u32) {
-    let (w, h) = (tile.width as usize, tile.height as usize);
-    for row in 0..h {
-        let from = (layer * h + row) * w;
-        let to = (tile.y as usize + row) * width as usize + tile.x as usize;
-        image[to..to + w].copy_from_slice(&stack[from..from + w]);
+/// Copies layer `layer` of a tile's stack into an image of the window; what lies outside is left out.
+pub(crate) fn copy_tile(tile: Tile, stack: &[f32], layer: usize, image: &mut [f32], window: Tile) {
+    let (left, top) = (tile.x.max(window.x), tile.y.max(window.y));
+    let right = (tile.x + tile.width).min(window.x + window.width);
+    let bottom = (tile.y + tile.height).min(window.y + window.height);
+    let n = right.saturating_sub(left) as usize;
+    for y in top..bottom {
+        let row = layer * tile.height as usize + (y - tile.y) as usize;
+        let from = row * tile.width as usize + (left - tile.x) as usize;
+        let to = (y - window.y) as usize * window.width as usize + (left - window.x) as usize;
+        image[to..to + n].copy_from_slice(&stack[from..from + n]);
     }
 }
 

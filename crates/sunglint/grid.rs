@@ -47,6 +47,15 @@ pub fn bins(bands: &[Band], corners: &[Vec<f64>], owned: bool) -> (Vec<Bin>, Vec
     )
 }
 
+/// The bins that `bands` respond in: those owned by one of them, or where none owns, those that meet their support.
+pub fn bins_of(bins: Vec<Bin>, names: &[String], bands: &[Band]) -> Vec<Bin> {
+    let serves = |bin: &Bin, band: &Band| match bin.band {
+        Some(id) => names[usize::from(id)] == band.name,
+        None => band.support().0 < bin.upper - 1e-9 && band.support().1 > bin.lower + 1e-9,
+    };
+    bins.into_iter().filter(|bin| bands.iter().any(|band| serves(bin, band))).collect()
+}
+
 fn is_dense(table: &[f64]) -> bool {
     match (table.first(), table.last()) {
         (Some(first), Some(last)) if table.len() > 2 => {

@@ -11,6 +11,7 @@
 
 mod cache;
 mod catalog;
+mod comparison;
 mod explain;
 mod files;
 mod frames;
@@ -21,15 +22,22 @@ mod products;
 mod render;
 mod report;
 mod scenery;
+mod selection;
 mod times;
 
 pub use catalog::catalog;
+pub use comparison::{
+    BandComparison, Beside, CompareError, Comparison, Materials, OfMaterial, PairedBy, Pairing, Statistics, Worst,
+    compare_images, pair_bands,
+};
 pub use explain::{ExplainedBand, ExplainedHit, Explanation, explain};
 pub use files::Files;
 pub use frames::{Frame, Frames};
-pub use plan::{Options, Plan, Run, Skip};
+pub use products::{Image, ImageBand, ReadError, Samples, read_image};
+pub use plan::{LeftOut, Options, Plan, Run, Skip};
 pub use render::{Progress, RenderError, Rendered, moments_json, rays_json, render, skips_json};
 pub use report::{render as render_diagnostics, to_json as diagnostics_to_json};
+pub use selection::Crop;
 pub use sunglint_dsl::{Diagnostic, Severity, Sources};
 pub use times::{Moment, iso, parse_utc, sun_at};
 

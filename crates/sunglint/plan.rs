@@ -6,14 +6,15 @@ use std::sync::Arc;
 use glam::DVec3;
 use sunglint_atmosphere::{Atmosphere, Column, Needs, Sun};
 use sunglint_dsl::scene::{self, Accuracy, Experiment, ModelUse, Sensor, Weather};
-use sunglint_dsl::{Diagnostic, Scene, Severity, Sources};
+use sunglint_dsl::{Diagnostic, Scene, Severity, Sources, list, nearest};
 use sunglint_geometry::{FacetId, MaterialId, World};
 use sunglint_plugin::{Args, BindError, SpectralValue, TableKey, Value};
 use sunglint_radiometry::{Channels, LocalDir, SpectralGrid};
 use sunglint_reflectance::Bsdf;
 use sunglint_sensor::{Band, Camera};
-use sunglint_tracer::{Algorithm, Illumination, Scenery, Surface};
+use sunglint_tracer::{Algorithm, Illumination, Scenery, Surface, Tile};
 
+use crate::selection::{Crop, is_experiment, is_time, wanted};
 use crate::times::Moment;
 use crate::{Checked, Refused, grid, scenery, times};
 
@@ -29,10 +30,18 @@ pub struct Options {
     pub pixels: Option<(u32, u32)>,
     /// Samples a pixel in place of every experiment's accuracy.
     pub samples: Option<u32>,
-    /// Experiments to keep; all where empty.
+    /// Experiments to keep, by name, with all runs of a sweep; all where empty.
     pub experiments: Vec<String>,
-    /// Frame labels to keep (`1992-06-18T160000Z`); all where empty.
+    /// Frames to keep, by label (`1992-06-18T160000Z`), instant or beginning of a label; all where empty.
     pub times: Vec<String>,
+    /// Sensors to keep; all where empty.
+    pub sensors: Vec<String>,
+    /// Bands to keep; all where empty. The others' bins leave the spectral grid, those that remain are the same.
+    pub bands: Vec<String>,
+    /// A rectangle of every view in place of the whole: its pixels are those of the whole view to the bit.
+    pub crop: Option<Crop>,
+    /// Factor on every sensor's own pixels, where `pixels` says nothing.
+    pub scale: Option<f64>,
 }
 
 /// Something that will not be computed, and why.
@@ -44,6 +53,15 @@ pub struct Skip {
     pub why: String,
 }
 
+/// What a selection leaves out of a run.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LeftOut {
+    /// Bands of the sensor.
+    pub bands: usize,
+    /// Times of its collections.
+    pub times: usize,
+}
+
 /// One experiment with one sensor: a view with all its times.
 pub struct Run {
     /// Name of the experiment.
@@ -52,8 +70,12 @@ pub struct Run {
     pub sensor: String,
     /// Where its pixels look.
     pub camera: Arc<dyn Camera>,
-    /// Pixels across and down.
+    /// Pixels across and down that are rendered: those of the window.
     pub pixels: (u32, u32),
+    /// Where they lie in the whole view, which has the camera's pixels.
+    pub window: Tile,
+    /// The part of the bands and times that is left out.
+    pub left_out: LeftOut,
     /// The times.
     pub moments: Vec<Moment>,
     /// The spectral grid.
@@ -86,6 +108,8 @@ pub struct Run {
     pub estimators: Vec<String>,
     /// Names by object id.
     pub objects: Vec<(u32, String)>,
+    /// Names by code of the materials in use, ascending.
+    pub materials: Vec<(u16, String)>,
     /// Hash of everything that the frames depend on.
     pub key: String,
     /// Tells sensors apart in the sampler.
@@ -170,7 +194,7 @@ impl Planner<'_> {
         let scene = self.scene;
         let mut cameras: Vec<Option<Arc<dyn Camera>>> = Vec::new();
         for sensor in &scene.sensors {
-            match scenery::camera(scene, sensor, self.options.pixels) {
+            match scenery::camera(scene, sensor, self.options.pixels_of(sensor.pixels)) {
                 Ok(camera) => cameras.push(Some(camera.into())),
                 Err(diagnostic) => {
                     self.diagnostics.push(diagnostic);
@@ -184,6 +208,7 @@ impl Planner<'_> {
         let bands: Vec<Vec<Band>> =
             scene.sensors.iter().map(|sensor| scenery::bands(sensor, self.diagnostics)).collect();
         let built = built?;
+        self.check_selection(&bands, &cameras);
         if has_error(self.diagnostics) {
             return None;
         }
@@ -194,14 +219,20 @@ impl Planner<'_> {
         let mut skips = scene_skips(scene, &built.unopened, &world);
         let mut runs = Vec::new();
         let mut solved = Solved::default();
+        let mut labels: Vec<String> = Vec::new();
         for experiment in &scene.experiments {
-            let wanted = &self.options.experiments;
-            if !wanted.is_empty() && !wanted.contains(&experiment.name) {
+            if !wanted(&self.options.experiments, |name| is_experiment(name, &experiment.name)) {
                 continue;
             }
             for &s in &experiment.sensors {
+                let keeps = |band: &Band| wanted(&self.options.bands, |name| name == band.name);
+                if !wanted(&self.options.sensors, |name| name == scene.sensors[s].name) || !bands[s].iter().any(keeps) {
+                    continue;
+                }
                 let camera = cameras[s].clone()?;
-                if let Some(run) = self.run(experiment, s, camera, &bands[s], &world, &built.objects, &mut solved) {
+                if let Some(run) =
+                    self.run(experiment, s, camera, &bands[s], &world, &built.objects, &mut solved, &mut labels)
+                {
                     runs.push(run);
                 }
             }
@@ -212,6 +243,7 @@ impl Planner<'_> {
                 why: "another run has the same column, suns and grid".into(),
             });
         }
+        self.check_times(&labels);
         if runs.is_empty() && !has_error(self.diagnostics) {
             self.diagnostics.push(
                 Diagnostic::whole("X01", "nothing is left to render: no experiment, sensor and time go together")
@@ -219,6 +251,53 @@ impl Planner<'_> {
             );
         }
         Some((runs, skips, world, scene.title.clone()))
+    }
+
+    /// Names of the selection that the scene does not have, and a crop beyond a view.
+    fn check_selection(&mut self, bands: &[Vec<Band>], cameras: &[Option<Arc<dyn Camera>>]) {
+        let (scene, options) = (self.scene, self.options);
+        let mut known_bands: Vec<&str> = Vec::new();
+        for (sensor, bands) in scene.sensors.iter().zip(bands) {
+            for band in bands.iter().filter(|_| wanted(&options.sensors, |name| name == sensor.name)) {
+                if !known_bands.contains(&band.name.as_str()) {
+                    known_bands.push(&band.name);
+                }
+            }
+        }
+        let experiments: Vec<&str> = scene.experiments.iter().map(|experiment| experiment.name.as_str()).collect();
+        let sensors: Vec<&str> = scene.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
+        let named = |wanted: &str, name: &str| wanted == name;
+        self.diagnostics.extend(unknown("experiment", &options.experiments, &experiments, is_experiment));
+        self.diagnostics.extend(unknown("sensor", &options.sensors, &sensors, named));
+        self.diagnostics.extend(unknown("band", &options.bands, &known_bands, named));
+        let Some(crop) = options.crop else { return };
+        for (sensor, camera) in scene.sensors.iter().zip(cameras) {
+            let Some(camera) = camera.as_ref().filter(|_| wanted(&options.sensors, |name| name == sensor.name)) else {
+                continue;
+            };
+            if crop.within(camera.pixels()).is_none() {
+                let (width, height) = camera.pixels();
+                self.diagnostics.push(
+                    Diagnostic::whole(
+                        "X01",
+                        format!("crop {crop} reaches beyond sensor `{}`, {width} x {height} pixels", sensor.name),
+                    )
+                    .help(
+                        "a crop is X,Y,WxH in pixels of the whole view as it is rendered, after `scale` and `--pixels`",
+                    ),
+                );
+            }
+        }
+    }
+
+    /// Times of the selection that no run has; `labels` are those of all runs that remain.
+    fn check_times(&mut self, labels: &[String]) {
+        if !has_error(self.diagnostics) {
+            let mut known: Vec<&str> = labels.iter().map(String::as_str).collect();
+            known.sort_unstable();
+            known.dedup();
+            self.diagnostics.extend(unknown("time", &self.options.times, &known, is_time));
+        }
     }
 
     fn warn_of_view(&mut self, sensor: &Sensor, camera: &dyn Camera, world: &World) {
@@ -262,6 +341,7 @@ impl Planner<'_> {
         world: &Arc<World>,
         objects: &[(u32, String)],
         solved: &mut Solved,
+        labels: &mut Vec<String>,
     ) -> Option<Run> {
         let scene = self.scene;
         let sensor = &scene.sensors[sensor_index];
@@ -273,8 +353,10 @@ impl Planner<'_> {
         }
         moments.sort_by(|a, b| a.0.utc.map(|t| t.0).unwrap_or(0.0).total_cmp(&b.0.utc.map(|t| t.0).unwrap_or(0.0)));
         make_labels_unique(scene, &mut moments);
+        let n_times = moments.len();
         if !self.options.times.is_empty() {
-            moments.retain(|(moment, _)| self.options.times.contains(&moment.label));
+            labels.extend(moments.iter().map(|(moment, _)| moment.label.clone()));
+            moments.retain(|(moment, _)| wanted(&self.options.times, |time| is_time(time, &moment.label)));
         }
         if moments.is_empty() {
             return None;
@@ -296,6 +378,12 @@ impl Planner<'_> {
         let mut corners = corners;
         corners.push(provider.nodes());
         let (bins, names) = grid::bins(bands, &corners, owned);
+        // What is left out takes its bins along; the cuts stay, so that no value of what remains depends on it.
+        let n_bands = bands.len();
+        let kept: Vec<Band> =
+            bands.iter().filter(|band| wanted(&self.options.bands, |name| name == band.name)).cloned().collect();
+        let bands = kept.as_slice();
+        let bins = grid::bins_of(bins, &names, bands);
         let grid = SpectralGrid::with_g(bins, names, |bin| provider.g_weights(bin));
         let provider = self.bind(&experiment.atmosphere, sunglint_atmosphere::BUILTIN, &grid)?;
         let algorithm = self.bind(&experiment.algorithm, sunglint_tracer::BUILTIN, &grid)?;
@@ -315,6 +403,9 @@ impl Planner<'_> {
         let (light, columns_solved) =
             self.light(experiment, provider.as_ref(), &moments, &grid, &needs, &albedo, solved)?;
 
+        let (width, height) = camera.pixels();
+        let whole = Tile { x: 0, y: 0, width, height };
+        let window = self.options.crop.map_or(Some(whole), |crop| crop.within(camera.pixels()))?;
         let estimators = algorithm.estimators();
         let skips = run_skips(algorithm.as_ref(), &scenery, bands, &grid, &light);
         let accuracy = match (self.options.samples, experiment.accuracy) {
@@ -334,9 +425,11 @@ impl Planner<'_> {
         Some(Run {
             experiment: experiment.name.clone(),
             sensor: sensor.name.clone(),
-            pixels: camera.pixels(),
+            pixels: (window.width, window.height),
+            window,
+            left_out: LeftOut { bands: n_bands - bands.len(), times: n_times - moments.len() },
+            key: self.key(experiment, sensor, camera.pixels(), window, &moments),
             camera,
-            key: self.key(experiment, sensor),
             moments: moments.into_iter().map(|(moment, _)| moment).collect(),
             grid,
             channels,
@@ -353,6 +446,7 @@ impl Planner<'_> {
             skips,
             estimators,
             objects: objects.to_vec(),
+            materials: material_codes(scene),
             view_id: sensor_index as u64,
         })
     }
@@ -583,7 +677,14 @@ impl Planner<'_> {
     }
 
     /// Hash of everything that the frames of a run depend on: the program, every file, the options, the run's names.
-    fn key(&self, experiment: &Experiment, sensor: &Sensor) -> String {
+    fn key(
+        &self,
+        experiment: &Experiment,
+        sensor: &Sensor,
+        pixels: (u32, u32),
+        window: Tile,
+        moments: &[(Moment, Weather)],
+    ) -> String {
         let mut hasher = blake3::Hasher::new();
         let mut feed = |part: &str| {
             hasher.update(&(part.len() as u64).to_le_bytes());
@@ -592,12 +693,36 @@ impl Planner<'_> {
         feed(env!("CARGO_PKG_VERSION"));
         feed(&experiment.name);
         feed(&sensor.name);
-        feed(&format!("{:?} {:?} {:?}", self.options.pixels, self.options.samples, self.options.times));
+        feed(&format!("{pixels:?} {window:?} {:?} {:?}", self.options.samples, self.options.bands));
+        moments.iter().for_each(|(moment, _)| feed(&moment.label));
         for hash in self.hashes.values() {
             feed(hash);
         }
         hasher.finalize().to_hex().to_string()
     }
+}
+
+/// What of a selection names nothing.
+fn unknown(kind: &str, wanted: &[String], known: &[&str], is: impl Fn(&str, &str) -> bool) -> Vec<Diagnostic> {
+    (wanted.iter())
+        .filter(|wanted| !known.iter().any(|name| is(wanted, name)))
+        .map(|wanted| {
+            let near = nearest(wanted, known.iter().copied()).map_or(String::new(), |near| format!("`{near}`? "));
+            let message = match kind {
+                "time" => format!("no frame of the selection is at time `{wanted}`"),
+                kind => format!("no {kind} of the scene is called `{wanted}`"),
+            };
+            Diagnostic::whole("X01", message).help(format!("{near}there are {}", list(known.iter().copied())))
+        })
+        .collect()
+}
+
+/// Names by code of the materials in use, ascending.
+fn material_codes(scene: &Scene) -> Vec<(u16, String)> {
+    let mut codes: Vec<(u16, String)> =
+        scene.materials.iter().filter(|material| material.used).map(|m| (m.code, m.name.clone())).collect();
+    codes.sort();
+    codes
 }
 
 /// Skies that were solved, by everything that they depend on, so that runs share them.

@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use sunglint_tracer::{RayCounts, Tile, TileResult, tiles};
+use sunglint_tracer::{RayCounts, Tile, TileResult};
 
 use crate::cache::TileStore;
 use crate::frames::{Frame, copy_tile, insert_frame};
@@ -34,6 +34,14 @@ pub enum RenderError {
         path: PathBuf,
         /// Why.
         source: io::Error,
+    },
+    /// A selection would leave a folder that holds two renders in one.
+    #[error("`{folder}` holds a render {held}; write this selection to another folder (-o)")]
+    Mixed {
+        /// Folder of the run.
+        folder: PathBuf,
+        /// What it holds that the selection would leave standing or overwrite with less.
+        held: String,
     },
     /// The user stopped the run; what is finished is kept.
     #[error("stopped; finished tiles are kept and the next render goes on from them")]
@@ -71,11 +79,13 @@ pub struct Rendered {
     pub seconds: (f64, f64),
 }
 
-/// Renders every run of a plan beneath `out`.
+/// Renders every run of a plan beneath `out`. A run's folder holds one render: a selection is not written over one that
+/// holds more.
 ///
 /// # Errors
-/// Writing, or the user.
+/// Writing, a selection that does not fit what a folder holds, or the user.
 pub fn render(plan: &Plan, out: &Path, progress: &dyn Progress) -> Result<Vec<Rendered>, RenderError> {
+    plan.runs().iter().try_for_each(|run| refuse_mixing(run, &out.join(&run.experiment).join(&run.sensor)))?;
     plan.runs()
         .iter()
         .map(|run| {
@@ -93,7 +103,7 @@ fn at(path: &Path) -> impl FnOnce(io::Error) -> RenderError + '_ {
 fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Result<Rendered, RenderError> {
     let folder = out.join(&run.experiment).join(&run.sensor);
     let manifest = folder.join("manifest.json");
-    let tiles = tiles(run.pixels);
+    let tiles = run.tiles();
     progress.begin(run, tiles.len());
     if is_up_to_date(&manifest, &folder, run) {
         tiles.iter().for_each(|_| progress.tile(true, 0));
@@ -157,6 +167,39 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
     write_whole(&manifest, |file| io::Write::write_all(file, text.as_bytes())).map_err(at(&manifest))?;
     store.remove().map_err(at(out))?;
     Ok(rendered)
+}
+
+/// Whether a selection may be written into a folder: the render that stands there, by its manifest, must hold no frame or
+/// band that the selection leaves out, and not the whole view where the selection is a crop.
+fn refuse_mixing(run: &Run, folder: &Path) -> Result<(), RenderError> {
+    let Ok(text) = fs::read_to_string(folder.join("manifest.json")) else { return Ok(()) };
+    let Ok(held) = serde_json::from_str::<Value>(&text) else { return Ok(()) };
+    let refuse = |held: String| Err(RenderError::Mixed { folder: folder.to_path_buf(), held });
+    let names = |list: &str, key: &str| -> Vec<String> {
+        let rows = held[list].as_array().into_iter().flatten();
+        rows.filter_map(|row| row[key].as_str().map(str::to_string)).collect()
+    };
+    if held["key"] == run.key.as_str() {
+        return Ok(());
+    }
+    let more = |kind: &str, held: Vec<String>, kept: Vec<&str>| {
+        let more: Vec<String> = held.into_iter().filter(|name| !kept.contains(&name.as_str())).collect();
+        match more.as_slice() {
+            [] => Ok(()),
+            [one] => refuse(format!("with {kind} {one} too")),
+            [one, ..] => refuse(format!("with {} more {kind}s ({one} …)", more.len())),
+        }
+    };
+    if run.left_out.times > 0 {
+        more("time", names("times", "frame"), run.moments.iter().map(|moment| moment.label.as_str()).collect())?;
+    }
+    if run.left_out.bands > 0 {
+        more("band", names("channels", "name"), run.channels.channels().iter().map(|c| c.name.as_str()).collect())?;
+    }
+    if run.is_crop() && held["crop"].is_null() && held["key"].is_string() {
+        return refuse("of the whole view".to_string());
+    }
+    Ok(())
 }
 
 /// Whether a tile from disk has the shape that this run gives it.
@@ -225,8 +268,7 @@ fn previews(run: &Run) -> Vec<Preview> {
 type Load<'a> = &'a (dyn Fn(usize) -> Result<TileResult, RenderError> + Sync);
 
 fn write_products(run: &Run, folder: &Path, tiles: &[Tile], load: Load<'_>) -> Result<(), RenderError> {
-    let (width, height) = run.pixels;
-    let n = (width * height) as usize;
+    let n = run.pixels.0 as usize * run.pixels.1 as usize;
     let n_channels = run.channels.len();
     // Frames are assembled a few at a time, so that memory is bounded whatever the number of times.
     let per_frame = n * 4 * (2 * n_channels + 1 + if run.products.surface_radiance { n_channels } else { 0 });
@@ -241,13 +283,13 @@ fn write_products(run: &Run, folder: &Path, tiles: &[Tile], load: Load<'_>) -> R
         for (i, tile) in tiles.iter().enumerate() {
             let result = load(i)?;
             for (frame, t) in frames.iter_mut().zip(chunk) {
-                insert_frame(frame, *t, *tile, &result, width);
+                insert_frame(frame, *t, *tile, &result, run.window);
             }
             if chunk[0] == 0 {
                 for (map, image) in truth.iter_mut().enumerate() {
-                    copy_tile(*tile, &result.truth, map, image, width);
+                    copy_tile(*tile, &result.truth, map, image, run.window);
                 }
-                copy_tile(*tile, &result.samples, 0, &mut samples, width);
+                copy_tile(*tile, &result.samples, 0, &mut samples, run.window);
             }
         }
         frames.par_iter().zip(chunk).try_for_each(|(frame, t)| write_frame(run, folder, frame, *t))?;
@@ -265,7 +307,7 @@ fn write_products(run: &Run, folder: &Path, tiles: &[Tile], load: Load<'_>) -> R
             let mut frames: Vec<Frame> = chunk.iter().map(|t| Frame::blank(run, *t)).collect();
             for (i, tile) in tiles.iter().enumerate() {
                 let result = load(i)?;
-                frames.iter_mut().zip(chunk).for_each(|(frame, t)| insert_frame(frame, *t, *tile, &result, width));
+                frames.iter_mut().zip(chunk).for_each(|(frame, t)| insert_frame(frame, *t, *tile, &result, run.window));
             }
             frames.par_iter().try_for_each(|frame| write_previews(run, folder, frame, &stretches))?;
         }
@@ -302,6 +344,11 @@ fn attributes(run: &Run, t: Option<usize>) -> Vec<(&'static str, String)> {
         ("sunglint:atmosphere", run.atmosphere_name.clone()),
         ("sunglint:key", run.key.clone()),
     ];
+    if run.is_crop() {
+        let (view, window) = (run.camera.pixels(), run.window);
+        let crop = format!("{},{},{}x{}", window.x, window.y, window.width, window.height);
+        attributes.push(("sunglint:crop", format!("{crop} of {}x{}", view.0, view.1)));
+    }
     if let Some(moment) = t.map(|t| &run.moments[t]) {
         attributes.push(("sunglint:time", moment.utc.map_or_else(|| moment.label.clone(), times::iso)));
         if let Some(sun) = &moment.sun {
@@ -369,6 +416,8 @@ fn write_truth(run: &Run, folder: &Path, truth: &[Vec<f32>], samples: &Vec<f32>)
     let mut attributes = attributes(run, None);
     let objects: Vec<String> = run.objects.iter().map(|(id, name)| format!("{id} {name}")).collect();
     attributes.push(("sunglint:objects", objects.join("; ")));
+    let materials: Vec<String> = run.materials.iter().map(|(code, name)| format!("{code} {name}")).collect();
+    attributes.push(("sunglint:materials", materials.join("; ")));
     let path = folder.join("truth.exr");
     write_exr(&path, &map_raster(run, &maps), &attributes).map_err(at(&path))
 }
@@ -437,6 +486,9 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "experiment": run.experiment,
         "sensor": run.sensor,
         "pixels": [run.pixels.0, run.pixels.1],
+        "crop": run.is_crop().then(|| [run.window.x, run.window.y, run.window.width, run.window.height]),
+        "bands_left_out": run.left_out.bands,
+        "times_left_out": run.left_out.times,
         "algorithm": run.algorithm_name,
         "atmosphere": run.atmosphere_name,
         "models": run.models,
@@ -447,6 +499,7 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "grid_entries": run.grid.len(),
         "times": moments_json(run),
         "objects": run.objects.iter().map(|(id, name)| json!({"id": id, "name": name})).collect::<Vec<_>>(),
+        "materials": run.materials.iter().map(|(code, name)| json!({"code": code, "name": name})).collect::<Vec<_>>(),
         "inputs_blake3": files,
         "facets": plan.facets,
         "geometry_bytes": plan.geometry_bytes,

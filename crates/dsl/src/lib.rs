@@ -15,7 +15,7 @@ pub mod table;
 pub use check::check;
 pub use diagnostic::{Diagnostic, Severity};
 pub use loader::{LoadError, Loaded, Loader};
-pub use nearest::nearest;
+pub use nearest::{list, nearest};
 pub use parse::{MAX_DEPTH, VERSION, parse};
 pub use runs::{Run, Runs};
 pub use scene::Scene;

@@ -140,6 +140,31 @@ fn plan_of(scene: &Path, options: &Options, quiet: bool) -> Result<Plan, Failure
     Ok(plan)
 }
 
+/// Part of what a scene asks for.
+#[derive(clap::Args)]
+struct Only {
+    /// Part of it: experiment, sensor, time, band, crop=X,Y,WxH or scale=F; repeat for more
+    #[arg(long, value_name = "KEY=VALUE")]
+    only: Vec<String>,
+    /// Pixels in place of every sensor's own: the same view, coarser or finer
+    #[arg(long, value_name = "WxH", value_parser = parse_pixels)]
+    pixels: Option<(u32, u32)>,
+}
+
+impl Only {
+    /// Options that keep the named part.
+    fn options(&self) -> Result<Options, Failure> {
+        let mut options = Options { pixels: self.pixels, ..Options::default() };
+        for text in &self.only {
+            options.narrow(text).map_err(|message| Failure::BadInput(format!("--only {text}: {message}")))?;
+        }
+        if options.pixels.is_some() && options.scale.is_some() {
+            return Err(Failure::BadInput("--pixels and --only scale=… both set the pixels; say one".into()));
+        }
+        Ok(options)
+    }
+}
+
 /// `640x480`
 fn parse_pixels(text: &str) -> Result<(u32, u32), String> {
     let parts =

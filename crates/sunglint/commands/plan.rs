@@ -6,9 +6,9 @@ use std::process::ExitCode;
 use clap::Args;
 use serde_json::{Value, json};
 use sunglint::tracer::Accuracy;
-use sunglint::{Options, Plan, Run, moments_json, skips_json};
+use sunglint::{Plan, Run, moments_json, skips_json};
 
-use super::{Outcome, plan_of, print, print_json};
+use super::{Only, Outcome, plan_of, print, print_json};
 
 /// What a render will compute, what it skips, and why
 #[derive(Args)]
@@ -16,6 +16,8 @@ use super::{Outcome, plan_of, print, print_json};
 pub struct PlanScene {
     /// The scene
     scene: PathBuf,
+    #[command(flatten)]
+    part: Only,
     /// As JSON
     #[arg(long)]
     json: bool,
@@ -23,7 +25,7 @@ pub struct PlanScene {
 
 impl PlanScene {
     pub fn run(&self, quiet: bool) -> Outcome {
-        let plan = plan_of(&self.scene, &Options::default(), quiet)?;
+        let plan = plan_of(&self.scene, &self.part.options()?, quiet)?;
         if self.json {
             print_json(&to_json(&plan))
         } else {
@@ -52,11 +54,16 @@ fn text(plan: &Plan) -> String {
         let bands: Vec<String> = (run.channels.channels().iter())
             .map(|c| format!("{} ({:.0} nm, fwhm {:.0} nm)", c.name, c.centre.nm(), c.fwhm * 1e3))
             .collect();
+        let view = run.camera.pixels();
         out += &format!("\nexperiment {}, sensor {}\n", run.experiment, run.sensor);
         out += &format!(
-            "  {} x {} pixels, {} time{}, {} band{}: {}\n",
+            "  {} x {} pixels{}, {} time{}, {} band{}: {}\n",
             run.pixels.0,
             run.pixels.1,
+            match run.is_crop() {
+                true => format!(" from {},{} of {} x {}", run.window.x, run.window.y, view.0, view.1),
+                false => String::new(),
+            },
             run.moments.len(),
             if run.moments.len() == 1 { "" } else { "s" },
             bands.len(),

@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use sunglint::{Options, Progress, Rendered, Run};
+use sunglint::{Options, Progress, RenderError, Rendered, Run};
 
-use super::{Failure, Outcome, note, parse_pixels, plan_of};
+use super::{Failure, Only, Outcome, note, plan_of};
 
 /// Render a scene's frames
 #[derive(Args)]
@@ -18,19 +18,22 @@ Example:
   sunglint render examples/truth/truth.glint -o out/truth
 
 Writes DIR/EXPERIMENT/SENSOR/TIME/: radiance.exr, radiance.img/.hdr (ENVI), error.exr, previews; truth.exr once a
-sensor; manifest.json. A second render of an unchanged scene does no work; a killed one goes on at its last tile.")]
+sensor; manifest.json. A second render of an unchanged scene does no work; a killed one goes on at its last tile.
+
+Part of it:
+  --only experiment=haze --only time=1992-06-18T16:00:00Z --only band=red --only crop=100,80,64x48
+experiment: a name with all runs of its sweep, one run (haze/visibility=5km,…) or some of its settings. time: a frame's
+name, an instant, or the beginning of a name (1992-06-18). crop: pixels of the whole view, as it is after scale. Under
+`samples` no selection changes a pixel's value; under `error` fewer times or bands may need fewer samples.
+A run's folder holds one render: a selection is not written over a render that holds more.")]
 pub struct Render {
     /// The scene
     scene: PathBuf,
     /// Folder to write to
     #[arg(long, short, default_value = "out")]
     out: PathBuf,
-    /// Experiments to render, separated by commas [default: all]
-    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
-    experiment: Vec<String>,
-    /// Pixels in place of every sensor's own: the same view, coarser or finer
-    #[arg(long, value_name = "WxH", value_parser = parse_pixels)]
-    pixels: Option<(u32, u32)>,
+    #[command(flatten)]
+    part: Only,
     /// Samples a pixel in place of the experiments' accuracy
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
     samples: Option<u32>,
@@ -38,16 +41,12 @@ pub struct Render {
 
 impl Render {
     pub fn run(&self, quiet: bool) -> Outcome {
-        let options = Options {
-            pixels: self.pixels,
-            samples: self.samples,
-            experiments: self.experiment.clone(),
-            times: Vec::new(),
-        };
+        let options = Options { samples: self.samples, ..self.part.options()? };
         let plan = plan_of(&self.scene, &options, quiet)?;
         let bar = Bar::new(quiet);
         match sunglint::render(&plan, &self.out, &bar) {
             Ok(_) => Ok(ExitCode::SUCCESS),
+            Err(error @ RenderError::Mixed { .. }) => Err(Failure::BadInput(error.to_string())),
             Err(error) => Err(Failure::Unfinished(error.to_string())),
         }
     }

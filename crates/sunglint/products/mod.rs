@@ -1,10 +1,11 @@
-//! Image files: OpenEXR and ENVI for measurement, PNG for the eye.
+//! Image files: OpenEXR and ENVI for measurement, written and read, PNG for the eye.
 //!
 //! Every writer checks its input first and then writes through [`write_whole`], so a file appears whole or not at all.
 
 mod envi;
 mod exr;
 mod png;
+mod read;
 mod whole;
 
 use std::collections::HashSet;
@@ -13,6 +14,7 @@ use std::io;
 pub use self::envi::write_envi;
 pub use self::exr::write_exr;
 pub use self::png::{Stretch, StretchCollector, composite_bands, write_png_gray, write_png_rgb};
+pub use self::read::{Image, ImageBand, ReadError, Samples, read_image};
 pub use self::whole::write_whole;
 
 /// An image of several channels.

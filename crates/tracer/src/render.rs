@@ -76,11 +76,27 @@ pub struct Tile {
     pub height: u32,
 }
 
-/// The tiles of an image, row by row.
-pub fn tiles(pixels: (u32, u32)) -> Vec<Tile> {
-    let starts = |n: u32| (0..n).step_by(TILE as usize);
-    let tile = |x: u32, y: u32| Tile { x, y, width: TILE.min(pixels.0 - x), height: TILE.min(pixels.1 - y) };
-    starts(pixels.1).flat_map(|y| starts(pixels.0).map(move |x| tile(x, y))).collect()
+/// The tiles of an image of `pixels` that cover a window of it, row by row: those of the whole image, cut down to whole
+/// blocks, so that every pixel is what it is in the whole image.
+pub fn tiles(pixels: (u32, u32), window: Tile) -> Vec<Tile> {
+    // Cuts of one axis: from the block that holds the first pixel to the end of the one that holds the last.
+    let cuts = |first: u32, count: u32, n: u32| -> Vec<(u32, u32)> {
+        let end = (first + count).next_multiple_of(BLOCK).min(n);
+        let mut cuts = Vec::new();
+        let mut start = first - first % BLOCK;
+        while start < end {
+            let stop = (start - start % TILE + TILE).min(end);
+            cuts.push((start, stop - start));
+            start = stop;
+        }
+        cuts
+    };
+    let across = cuts(window.x, window.width, pixels.0);
+    let down = cuts(window.y, window.height, pixels.1);
+    let row = |&(y, height): &(u32, u32)| {
+        across.iter().map(move |&(x, width)| Tile { x, y, width, height }).collect::<Vec<_>>()
+    };
+    down.iter().flat_map(row).collect()
 }
 
 /// What a tile yields. Images are row-major within the tile; `times` and channels are outer indices.

@@ -1,0 +1,135 @@
+//! Part of a scene, rendered alone.
+
+use std::path::Path;
+use std::process::{Command, Output};
+
+use sunglint::{Frames, Options, Plan};
+
+const TRUTH: &str = "examples/truth/truth.glint";
+
+fn plan(scene: &str, only: &[&str], pixels: (u32, u32), samples: Option<u32>) -> Plan {
+    let mut options = Options { pixels: Some(pixels), samples, ..Options::default() };
+    only.iter().for_each(|text| options.narrow(text).unwrap_or_else(|message| panic!("{message}")));
+    let checked = sunglint::open(scene).unwrap_or_else(|refused| panic!("{refused}"));
+    Plan::new(checked, &options).unwrap_or_else(|refused| panic!("{refused}"))
+}
+
+fn bits(image: &[f32]) -> Vec<u32> {
+    image.iter().map(|value| value.to_bits()).collect()
+}
+
+fn cut(image: &[f32], width: usize, (x, y, w, h): (usize, usize, usize, usize)) -> Vec<f32> {
+    (y..y + h).flat_map(|row| image[row * width + x..row * width + x + w].iter().copied()).collect()
+}
+
+fn images(frames: &Frames) -> Vec<&Vec<f32>> {
+    let of_frames = frames.frames.iter().flat_map(|f| f.radiance.iter().chain(&f.error).chain([&f.lit]));
+    of_frames.chain(&frames.truth).chain([&frames.samples]).collect()
+}
+
+/// A sample depends on (seed, view, pixel, replicate, index), and what pixels share they share within blocks that a crop
+/// keeps whole: radiance, error, truth and sample counts of a crop are those of the whole view, also where a pilot chooses
+/// the counts. Crops that touch no, one and several borders of tiles and of the view.
+#[test]
+fn a_crop_is_the_whole_view_to_the_bit() {
+    for (only, samples) in [("experiment=split", Some(16)), ("experiment=phong", Some(32))] {
+        let only = [only, "time=1992-06-18T170100Z"];
+        let whole = plan(TRUTH, &only, (70, 52), samples).runs()[0].render();
+        for crop in [(33, 17, 5, 4), (0, 0, 70, 52), (7, 9, 40, 30), (61, 43, 9, 9), (69, 51, 1, 1)] {
+            let (x, y, w, h) = crop;
+            let text = format!("crop={x},{y},{w}x{h}");
+            let plan = plan(TRUTH, &[&only[..], &[&text]].concat(), (70, 52), samples);
+            let part = plan.runs()[0].render();
+            assert_eq!((part.width as usize, part.height as usize), (w, h));
+            for (whole, part) in images(&whole).into_iter().zip(images(&part)) {
+                assert_eq!(bits(&cut(whole, 70, crop)), bits(part), "{text}");
+            }
+        }
+    }
+}
+
+/// Under `error` a pilot of a block chooses the samples of its pixels: a crop keeps blocks whole.
+#[test]
+fn a_crop_keeps_the_samples_that_a_pilot_chose() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("error.glint");
+    let text = std::fs::read_to_string("examples/minimal/minimal.glint").expect("the example");
+    std::fs::write(&scene, text.replace("samples 16", "error 2 %")).expect("a scene");
+    let scene = scene.to_str().expect("UTF-8");
+    let whole = plan(scene, &[], (50, 41), None).runs()[0].render();
+    assert!(whole.samples.iter().any(|n| *n > 16.0), "the pilot asks for more somewhere");
+    let part = plan(scene, &["crop=11,13,30x20"], (50, 41), None).runs()[0].render();
+    for (whole, part) in images(&whole).into_iter().zip(images(&part)) {
+        assert_eq!(bits(&cut(whole, 50, (11, 13, 30, 20))), bits(part));
+    }
+}
+
+/// Bands overlap (blue and green, red and nir): a band that is rendered alone keeps its bins, and a time its samples.
+#[test]
+fn a_band_or_a_time_alone_is_what_it_is_among_the_others() {
+    let whole = plan(TRUTH, &["experiment=phong", "time=1992-06-18T17"], (24, 18), Some(16)).runs()[0].render();
+    assert!(whole.frames.len() == 2 && whole.channels.len() == 4);
+    for (b, band) in ["blue", "green", "red", "nir"].iter().enumerate() {
+        let only = ["experiment=phong", "time=1992-06-18T17:31:00Z", &format!("band={band}")];
+        let alone = plan(TRUTH, &only, (24, 18), Some(16)).runs()[0].render();
+        assert_eq!((alone.frames.len(), alone.channels.len()), (1, 1));
+        assert_eq!(bits(&alone.frames[0].radiance[0]), bits(&whole.frames[1].radiance[b]), "{band}");
+    }
+}
+
+fn sunglint(args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_sunglint")).args(args).output().expect("the program starts")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+#[test]
+fn what_a_selection_does_not_find_is_told_with_the_nearest() {
+    for (only, told) in [
+        ("experiment=splitt", "`split`?"),
+        ("sensor=rof", "`roof`?"),
+        ("band=rde", "`red`?"),
+        ("time=1992-06-18T170200Z", "1992-06-18T170100Z`?"),
+        ("crop=600,0,64x48", "beyond sensor `roof`"),
+        ("bnad=red", "`band`?"),
+        ("scale=2x", "scale=0.25"),
+    ] {
+        let output = sunglint(&["plan", TRUTH, "--only", only]);
+        assert_eq!(output.status.code(), Some(2), "{only}");
+        assert!(stderr(&output).contains(told), "{only}: {}", stderr(&output));
+    }
+    let both = sunglint(&["plan", TRUTH, "--only", "scale=0.5", "--pixels", "8x8"]);
+    assert_eq!(both.status.code(), Some(2));
+    let output = sunglint(&["plan", TRUTH, "--only", "scale=0.25", "--only", "crop=10,10,20x5", "--json"]);
+    let plan: serde_json::Value = serde_json::from_slice(&output.stdout).expect("JSON");
+    assert_eq!(plan["runs"][0]["pixels"], serde_json::json!([20, 5]));
+}
+
+/// A folder holds one render: neither a crop nor fewer bands or times are written over more; what holds no more is replaced.
+#[test]
+fn a_selection_is_not_mixed_into_a_fuller_render() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let out = folder.path().to_str().expect("UTF-8");
+    let render = |more: &[&str]| {
+        let all = ["render", TRUTH, "-o", out, "--pixels", "16x12", "--samples", "16", "--only", "experiment=ideal"];
+        sunglint(&[&all[..], more].concat())
+    };
+    let times = ["--only", "time=1992-06-18T170100Z", "--only", "time=1992-06-18T173100Z"];
+    assert!(render(&times).status.success());
+    let radiance = folder.path().join("ideal/roof/1992-06-18T170100Z/radiance.img");
+    let before = std::fs::read(&radiance).expect("an image");
+    for (more, held) in [
+        (&["--only", "time=1992-06-18T170100Z"][..], "time 1992-06-18T173100Z"),
+        (&[&times[..], &["--only", "band=red"]].concat(), "3 more bands"),
+        (&[&times[..], &["--only", "crop=2,2,4x4"]].concat(), "whole view"),
+    ] {
+        let refused = render(more);
+        assert_eq!(refused.status.code(), Some(2), "{more:?}");
+        assert!(stderr(&refused).contains(held), "{}", stderr(&refused));
+        assert!(std::fs::read(&radiance).expect("an image") == before);
+    }
+    assert!(render(&times).status.success() && std::fs::read(&radiance).expect("an image") == before);
+    assert!(Path::new(out).join("ideal/roof/manifest.json").is_file());
+}
