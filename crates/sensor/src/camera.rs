@@ -1,6 +1,6 @@
 //! Where the pixels of a sensor look.
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use sunglint_radiometry::WorldDir;
 
 /// The line of sight of one point of the image plane.
@@ -17,10 +17,35 @@ pub struct CameraRay {
 pub trait Camera: Send + Sync {
     /// Pixels across and down.
     fn pixels(&self) -> (u32, u32);
-    /// Position of the sensor, world frame \[m\]; panels that face the sensor face this point.
+    /// Position of the sensor, world frame \[m\]; of a scanner, at the middle of its first line. Panels that face the
+    /// sensor face this point; lines of sight start at their own.
     fn position(&self) -> DVec3;
     /// The line of sight at image coordinates.
     fn ray(&self, x: f64, y: f64) -> CameraRay;
+    /// Where image coordinates fall on the level plane at a height \[m\], if the sensor looks straight down and the image
+    /// is a map of that plane: affine, with square corners and not mirrored.
+    fn ground(&self, height: f64) -> Option<GroundMap> {
+        let _ = height;
+        None
+    }
+}
+
+/// An image that is a map: (x, y) of the world \[m\] = `corner` + x `across` + y `down`, in image coordinates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct GroundMap {
+    /// Of the image's upper left corner.
+    pub corner: DVec2,
+    /// From pixel to pixel.
+    pub across: DVec2,
+    /// From line to line.
+    pub down: DVec2,
+}
+
+impl GroundMap {
+    /// Where image coordinates lie, x and y of the world \[m\].
+    pub fn at(&self, x: f64, y: f64) -> DVec2 {
+        self.corner + x * self.across + y * self.down
+    }
 }
 
 /// Why numbers make no camera.
@@ -32,6 +57,9 @@ pub enum CameraError {
     /// The sensor stands at the point it looks at.
     #[error("the sensor stands at its own look_at, so it has no direction to look in")]
     LookAtItself,
+    /// A scanner looks where it flies.
+    #[error("the scanner looks along its flight, so its lines have no direction across")]
+    AlongTheFlight,
     /// A coordinate is not finite.
     #[error("the {0} is not finite")]
     NotFinite(&'static str),

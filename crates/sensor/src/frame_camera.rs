@@ -11,9 +11,9 @@ use sunglint_radiometry::WorldDir;
 
 use crate::camera::{with_pixels, within};
 use crate::pose::Axes;
-use crate::{Camera, CameraError, CameraRay, FramePose};
+use crate::{Camera, CameraError, CameraRay, FramePose, GroundMap};
 
-/// How wide a frame camera sees.
+/// How wide a frame camera or a scanner sees.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Optics {
     /// Angle between the left and the right edge of the image \[rad\], below π.
@@ -27,6 +27,28 @@ pub enum Optics {
         /// Distance between pixels \[m\].
         pitch: f64,
     },
+}
+
+impl Optics {
+    /// Pixel pitch over focal length, for an image of so many pixels across.
+    pub(crate) fn step(self, across: u32) -> Result<f64, CameraError> {
+        let below_180 = "above 0 and below 180 deg (pi rad)";
+        Ok(match self {
+            Self::FieldOfView(angle) => {
+                within("field of view", angle, (0.0, PI), true, below_180)?;
+                2.0 * (0.5 * angle).tan() / f64::from(across)
+            }
+            Self::Ifov(angle) => {
+                within("instantaneous field of view", angle, (0.0, PI), true, below_180)?;
+                2.0 * (0.5 * angle).tan()
+            }
+            Self::FocalLength { focal_length, pitch } => {
+                within("focal length", focal_length, (0.0, f64::INFINITY), true, "above 0 m")?;
+                within("pixel pitch", pitch, (0.0, f64::INFINITY), true, "above 0 m")?;
+                pitch / focal_length
+            }
+        })
+    }
 }
 
 /// A perspective camera.
@@ -43,22 +65,7 @@ impl FrameCamera {
     pub fn new(pose: FramePose, optics: Optics, pixels: (u32, u32)) -> Result<Self, CameraError> {
         with_pixels(pixels)?;
         let axes = pose.axes()?;
-        let below_180 = "above 0 and below 180 deg (pi rad)";
-        let step = match optics {
-            Optics::FieldOfView(angle) => {
-                within("field of view", angle, (0.0, PI), true, below_180)?;
-                2.0 * (0.5 * angle).tan() / f64::from(pixels.0)
-            }
-            Optics::Ifov(angle) => {
-                within("instantaneous field of view", angle, (0.0, PI), true, below_180)?;
-                2.0 * (0.5 * angle).tan()
-            }
-            Optics::FocalLength { focal_length, pitch } => {
-                within("focal length", focal_length, (0.0, f64::INFINITY), true, "above 0 m")?;
-                within("pixel pitch", pitch, (0.0, f64::INFINITY), true, "above 0 m")?;
-                pitch / focal_length
-            }
-        };
+        let step = optics.step(pixels.0)?;
         Ok(Self { axes, pixels, step })
     }
 
@@ -88,6 +95,11 @@ impl Camera for FrameCamera {
         let across = self.step * (x - 0.5 * f64::from(self.pixels.0));
         let along = self.step * (y - 0.5 * f64::from(self.pixels.1));
         CameraRay { origin: position, direction: WorldDir::new(forward + across * right + along * down) }
+    }
+
+    fn ground(&self, height: f64) -> Option<GroundMap> {
+        let above = self.axes.position.z - height;
+        (self.axes.looks_down() && above > 0.0).then(|| self.axes.map(above * self.step, self.pixels))
     }
 }
 

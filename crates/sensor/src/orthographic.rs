@@ -5,7 +5,7 @@ use sunglint_radiometry::WorldDir;
 
 use crate::camera::{with_pixels, within};
 use crate::pose::Axes;
-use crate::{Camera, CameraError, CameraRay, FramePose};
+use crate::{Camera, CameraError, CameraRay, FramePose, GroundMap};
 
 /// How much an orthographic view covers, measured across the line of sight (on level ground if it looks straight down).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,6 +67,10 @@ impl Camera for Orthographic {
         let along = self.ground_sample * (y - 0.5 * f64::from(self.pixels.1));
         CameraRay { origin: position + across * right + along * down, direction: WorldDir::from_unit(forward) }
     }
+
+    fn ground(&self, _height: f64) -> Option<GroundMap> {
+        self.axes.looks_down().then(|| self.axes.map(self.ground_sample, self.pixels))
+    }
 }
 
 #[cfg(test)]
@@ -87,6 +91,9 @@ mod tests {
         assert!((corner.direction.vec() - DVec3::NEG_Z).length() < 1e-15);
         let first = view.ray(0.5, 0.5).origin;
         assert!((first - DVec3::new(75.125, 212.375, 1000.0)).length() < 1e-12);
+        let map = view.ground(0.0).unwrap();
+        assert!((map.at(0.0, 0.0) - corner.origin.truncate()).length() < 1e-12);
+        assert!((map.at(0.5, 0.5) - first.truncate()).length() < 1e-12);
         let same = Orthographic::new(pose, Extent::GroundSample(0.25), (200, 100)).unwrap();
         assert_eq!(same, view);
     }

@@ -4,8 +4,8 @@ use std::f64::consts::FRAC_PI_2;
 
 use glam::DVec3;
 
-use crate::CameraError;
 use crate::camera::within;
+use crate::{CameraError, GroundMap};
 
 /// Where a sensor stands and where it looks; lengths in m, angles in rad, world frame.
 ///
@@ -122,5 +122,17 @@ impl Axes {
         let level_right = DVec3::new(ch, -sh, 0.0);
         let level_down = -DVec3::new(sd * sh, sd * ch, cd);
         Self { position, forward, right: cr * level_right + sr * level_down, down: cr * level_down - sr * level_right }
+    }
+
+    /// Whether the line of sight is straight down.
+    pub(crate) fn looks_down(&self) -> bool {
+        self.forward.truncate().length() < 1e-9 && self.forward.z < 0.0
+    }
+
+    /// The map of a sensor that looks straight down, its pixels `ground_sample` \[m\] wide.
+    pub(crate) fn map(&self, ground_sample: f64, pixels: (u32, u32)) -> GroundMap {
+        let (across, down) = (ground_sample * self.right.truncate(), ground_sample * self.down.truncate());
+        let (n_x, n_y) = (f64::from(pixels.0), f64::from(pixels.1));
+        GroundMap { corner: self.position.truncate() - 0.5 * (n_x * across + n_y * down), across, down }
     }
 }
