@@ -7,7 +7,9 @@ mod diagnostic;
 mod loader;
 mod nearest;
 mod parse;
+mod record;
 pub mod scene;
+mod sounding;
 mod source;
 pub mod table;
 

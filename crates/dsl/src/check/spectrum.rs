@@ -69,7 +69,7 @@ impl<'a> Checker<'a> {
     }
 
     /// The text of a file, or what stands in for it where the file is not opened.
-    fn file_text(&mut self, given: &Given<'a>, path: &'a str) -> Option<Option<(String, String)>> {
+    pub(super) fn file_text(&mut self, given: &Given<'a>, path: &'a str) -> Option<Option<(String, String)>> {
         let Opened::File(loaded) = self.open(given, path)? else { return Some(None) };
         match std::str::from_utf8(&loaded.bytes) {
             Ok(text) => Some(Some((loaded.path, text.to_string()))),
@@ -83,7 +83,7 @@ impl<'a> Checker<'a> {
         }
     }
 
-    fn table_fault(&mut self, given: &Given<'a>, path: &str, text: &str, error: TableError) {
+    pub(super) fn table_fault(&mut self, given: &Given<'a>, path: &str, text: &str, error: TableError) {
         let mut place = path.to_string();
         if let Some(line) = error.line {
             place = format!("{place}:{line}");
