@@ -23,6 +23,7 @@ use self::geometry::{GEOMETRY, GROUND_RULE, Scope, TERRAIN_RULE, materials_of};
 use self::material::MATERIAL_HEAD;
 use self::names::{Kind, Names};
 use self::sensor::SENSOR;
+pub(crate) use self::time::{days_from_epoch, days_in};
 use crate::ast::{Ast, Item, Statement, Value};
 use crate::nearest::nearest;
 use crate::scene::{Collect, Scene, Times, Weather};

@@ -7,8 +7,10 @@ mod diagnostic;
 mod loader;
 mod nearest;
 mod parse;
+mod record;
 mod runs;
 pub mod scene;
+mod sounding;
 mod source;
 pub mod table;
 

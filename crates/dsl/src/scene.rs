@@ -131,6 +131,96 @@ pub struct Collect {
     pub span: Span,
 }
 
+/// What a level of a sounding says of its moisture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Moisture {
+    /// Relative humidity over water, 0..1.
+    RelativeHumidity(f64),
+    /// Dew point \[K\].
+    DewPoint(f64),
+    /// Mass of vapour over mass of dry air.
+    MixingRatio(f64),
+}
+
+/// One level of a sounding. `None`: an empty cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SoundingLevel {
+    /// Pressure \[hPa\].
+    pub pressure: Option<f64>,
+    /// Above sea level \[m\].
+    pub altitude: Option<f64>,
+    /// Temperature \[K\].
+    pub temperature: Option<f64>,
+    /// Moisture.
+    pub moisture: Option<Moisture>,
+}
+
+/// A radiosonde's ascent, lowest level first.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Sounding {
+    /// Path of the file as shown in messages.
+    pub path: String,
+    /// The levels: known pressures descend, known altitudes ascend.
+    pub levels: Vec<SoundingLevel>,
+}
+
+/// A station's record: for each field that it has, values against time.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Record {
+    /// Path of the file as shown in messages.
+    pub path: String,
+    /// Field of the weather block, and its values \[canonical unit\] at times that ascend.
+    pub series: Vec<(&'static str, Vec<(Utc, f64)>)>,
+}
+
+/// What a record says of a field at a time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Observed {
+    /// The value between the two readings about the time.
+    Value {
+        /// The value \[canonical unit\].
+        value: f64,
+        /// The readings that it was interpolated from, where they are further apart than [`Record::LONGEST_GAP`].
+        across: Option<(Utc, Utc)>,
+    },
+    /// The time lies outside the readings, the first and last of which are given.
+    Beyond(Utc, Utc),
+}
+
+impl Record {
+    /// Readings further apart than this \[s\] leave a gap.
+    pub const LONGEST_GAP: f64 = 3.0 * 3600.0;
+
+    /// A field at a time, straight between the readings about it; `None` where the record does not have the field.
+    pub fn at(&self, field: &str, time: Utc) -> Option<Observed> {
+        let (_, series) = self.series.iter().find(|(name, _)| *name == field)?;
+        let (first, last) = (series.first()?, series.last()?);
+        if time < first.0 || time > last.0 {
+            return Some(Observed::Beyond(first.0, last.0));
+        }
+        let after = series.partition_point(|(t, _)| *t < time);
+        let (b, y) = series[after];
+        if b == time {
+            return Some(Observed::Value { value: y, across: None });
+        }
+        let (a, x) = series[after - 1];
+        let step = b.0 - a.0;
+        let value = x + (y - x) * (time.0 - a.0) / step;
+        Some(Observed::Value { value, across: (step > Self::LONGEST_GAP).then_some((a, b)) })
+    }
+}
+
+/// A layer of cloud.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cloud {
+    /// Optical depth at 550 nm, vertically.
+    pub optical_depth: f64,
+    /// Height of its base above the site's elevation \[m\].
+    pub base: f64,
+    /// Height of its top above the site's elevation \[m\].
+    pub top: f64,
+}
+
 /// A weather block. `None`: unsaid.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Weather {
@@ -156,6 +246,12 @@ pub struct Weather {
     pub ozone: Option<f64>,
     /// NO₂ column \[atm-cm\].
     pub no2: Option<f64>,
+    /// A radiosonde's ascent.
+    pub radiosonde: Option<Arc<Sounding>>,
+    /// A station's record.
+    pub observations: Option<Arc<Record>>,
+    /// Layers of cloud, lowest first; they do not overlap.
+    pub clouds: Vec<Cloud>,
     /// Where each field is said.
     pub spans: BTreeMap<&'static str, Span>,
 }
@@ -182,8 +278,50 @@ impl Weather {
         out.water = over.water.or(out.water);
         out.ozone = over.ozone.or(out.ozone);
         out.no2 = over.no2.or(out.no2);
+        out.radiosonde = over.radiosonde.clone().or(out.radiosonde);
+        out.observations = over.observations.clone().or(out.observations);
+        if !over.clouds.is_empty() {
+            out.clouds.clone_from(&over.clouds);
+        }
         out.spans.extend(over.spans.iter().map(|(field, span)| (*field, *span)));
         out
+    }
+
+    /// This weather at a time: what it does not say itself is taken from its record. With what was asked of the record
+    /// and found, field by field.
+    pub fn observed(&self, time: Utc) -> (Self, Vec<(&'static str, Observed)>) {
+        let mut out = self.clone();
+        let Some(record) = &self.observations else { return (out, Vec::new()) };
+        let (wet, hazy) = (self.humidity.or(self.water).is_some(), self.visibility.or(self.aod).is_some());
+        let fields = [
+            ("pressure", self.pressure.is_some(), &mut out.pressure),
+            ("temperature", self.temperature.is_some(), &mut out.temperature),
+            ("humidity", wet, &mut out.humidity),
+            ("water", wet, &mut out.water),
+            ("visibility", hazy, &mut out.visibility),
+            ("aod", hazy, &mut out.aod),
+            ("ozone", self.ozone.is_some(), &mut out.ozone),
+            ("no2", self.no2.is_some(), &mut out.no2),
+        ];
+        let mut asked = Vec::new();
+        for (field, said, value) in fields {
+            let Some(observed) = record.at(field, time).filter(|_| !said) else { continue };
+            if let Observed::Value { value: found, .. } = observed {
+                *value = Some(found);
+            }
+            asked.push((field, observed));
+        }
+        // A column of water or an optical depth that was observed holds before a humidity or visibility beside it.
+        if out.water.is_some() && !wet {
+            out.humidity = None;
+        }
+        if out.aod.is_some() && !hazy {
+            out.visibility = None;
+        }
+        if let Some(span) = self.spans.get("observations") {
+            asked.iter().for_each(|(field, _)| _ = out.spans.entry(field).or_insert(*span));
+        }
+        (out, asked)
     }
 }
 

@@ -1,5 +1,6 @@
 //! CSV tables: spectra, and rows of numbers for models. The first line that is no comment names the columns; a name
-//! ends in its unit (`wavelength_nm`, `view_zenith_deg`), with `/` and `-` as written or as `_`, `%` also as `percent`.
+//! ends in its unit (`wavelength_nm`, `view_zenith_deg`, `pressure_hpa`) in either case, with `/` and `-` as written or as
+//! `_`, `%` also as `percent`, `degC` also as `c`.
 //! Lines that begin with `#` are comments. Vacuum and air wavelengths are not converted into each other.
 
 mod columns;
@@ -7,6 +8,7 @@ mod columns;
 pub use columns::{Wanted, read_columns};
 
 use std::collections::HashMap;
+use std::f64::consts::FRAC_PI_2;
 
 use sunglint_plugin::{Column, Table, TableKey};
 use sunglint_radiometry::{Curve, CurveError, Dimension, UNITS, Unit, units_of};
@@ -37,10 +39,10 @@ impl std::fmt::Display for TableError {
 }
 
 impl TableError {
-    fn new(code: &'static str, message: impl Into<String>) -> Self {
+    pub(crate) fn new(code: &'static str, message: impl Into<String>) -> Self {
         Self { code, line: None, column: None, message: message.into(), help: None }
     }
-    fn help(self, help: impl Into<String>) -> Self {
+    pub(crate) fn help(self, help: impl Into<String>) -> Self {
         Self { help: Some(help.into()), ..self }
     }
 }
@@ -130,15 +132,7 @@ pub fn read_table(text: &str, wanted: &[Column]) -> Result<Table, TableError> {
         let mut values = Vec::with_capacity(wanted.len() + 1);
         for &((at, factor, offset), column) in &places {
             let value = sheet.number(row, at)? * factor + offset;
-            let (low, high) = column.range;
-            let slack = 1e-9 * value.abs();
-            if value < low - slack || value > high + slack {
-                let message = format!("{} is beyond its range", sheet.rows[row].cells[at].trim());
-                let back = |bound: f64| (bound - offset) / factor;
-                let help = format!("`{}` is from {} to {}", sheet.header[at], short(back(low)), short(back(high)));
-                return Err(sheet.locate(TableError::new("U05", message), row, at).help(help));
-            }
-            values.push(value);
+            values.push(sheet.within(value, row, &Found { at, factor, offset, range: column.range })?);
         }
         let mut key: Vec<u64> = values.iter().map(|value| value.to_bits()).collect();
         let mut name = String::new();
@@ -177,14 +171,102 @@ struct Row {
     cells: csv::StringRecord,
 }
 
-struct Sheet<'a> {
+/// A column that a file may have, under one of several names.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Choice {
+    /// Names without units.
+    pub names: &'static [&'static str],
+    /// What it measures.
+    pub dimension: Dimension,
+    /// Smallest and largest value, in canonical units.
+    pub range: (f64, f64),
+}
+
+/// Where a [`Choice`] stands: column, factor and offset to the canonical unit.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Found {
+    pub at: usize,
+    factor: f64,
+    offset: f64,
+    range: (f64, f64),
+}
+
+/// Header and rows of a CSV file.
+pub(crate) struct Sheet<'a> {
     text: &'a str,
     header: Vec<String>,
     rows: Vec<Row>,
 }
 
 impl<'a> Sheet<'a> {
-    fn read(text: &'a str) -> Result<Self, TableError> {
+    /// The column of a choice; `None` where the file has none of its names.
+    pub(crate) fn find(&self, choice: &Choice) -> Result<Option<Found>, TableError> {
+        let unit_of = |name: &str| {
+            choice.names.iter().find_map(|stem| match split_unit(name, choice.dimension) {
+                Some((found, unit)) if found == *stem => Some((unit.factor, unit.offset)),
+                _ => (choice.dimension == Dimension::Fraction && name == *stem).then_some((1.0, 0.0)),
+            })
+        };
+        let found: Vec<(usize, (f64, f64))> =
+            self.header.iter().enumerate().filter_map(|(i, name)| Some((i, unit_of(name)?))).collect();
+        match found[..] {
+            [(at, (factor, offset))] => Ok(Some(Found { at, factor, offset, range: choice.range })),
+            [] => match self.header.iter().position(|name| choice.names.contains(&name.as_str())) {
+                Some(at) => Err(self.no_unit(at, choice.dimension)),
+                None => Ok(None),
+            },
+            ref several => {
+                let several: Vec<usize> = several.iter().map(|(i, _)| *i).collect();
+                Err(self.ambiguous(format!("several columns give `{}`", choice.names[0]), &several))
+            }
+        }
+    }
+
+    /// The column of a choice whose name ends in `suffix`, a unit of no dimension of the language.
+    pub(crate) fn find_suffixed(&self, choice: &Choice, suffix: &str, factor: f64) -> Option<Found> {
+        let named = |name: &String| name.strip_suffix(suffix).is_some_and(|stem| choice.names.contains(&stem));
+        let at = self.header.iter().position(named)?;
+        Some(Found { at, factor, offset: 0.0, range: choice.range })
+    }
+
+    /// The value of a cell in the canonical unit, within its range; `None` where the cell is empty.
+    pub(crate) fn value(&self, row: usize, found: &Found) -> Result<Option<f64>, TableError> {
+        if self.rows[row].cells[found.at].trim().is_empty() {
+            return Ok(None);
+        }
+        let value = self.number(row, found.at)? * found.factor + found.offset;
+        self.within(value, row, found).map(Some)
+    }
+
+    /// The names of the columns.
+    pub(crate) fn header(&self) -> &[String] {
+        &self.header
+    }
+
+    /// How many rows there are.
+    pub(crate) fn len(&self) -> usize {
+        self.rows.len()
+    }
+
+    /// The text of a cell.
+    pub(crate) fn text(&self, row: usize, column: usize) -> &str {
+        self.rows[row].cells[column].trim()
+    }
+
+    fn within(&self, value: f64, row: usize, found: &Found) -> Result<f64, TableError> {
+        let (low, high) = found.range;
+        let slack = 1e-9 * value.abs();
+        if value >= low - slack && value <= high + slack {
+            return Ok(value);
+        }
+        let message = format!("{} is beyond its range", self.text(row, found.at));
+        let back = |bound: f64| short((bound - found.offset) / found.factor);
+        let (a, b) = (back(low), back(high));
+        let help = format!("`{}` is from {} to {}", self.header[found.at], a.min(b), a.max(b));
+        Err(self.locate(TableError::new("U05", message), row, found.at).help(help))
+    }
+
+    pub(crate) fn read(text: &'a str) -> Result<Self, TableError> {
         let text = text.strip_prefix('\u{FEFF}').unwrap_or(text);
         let mut reader = csv::ReaderBuilder::new()
             .has_headers(false)
@@ -253,12 +335,12 @@ impl<'a> Sheet<'a> {
         }
     }
 
-    fn line(&self, row: usize) -> u64 {
+    pub(crate) fn line(&self, row: usize) -> u64 {
         1 + self.text[..self.rows[row].start].bytes().filter(|byte| *byte == b'\n').count() as u64
     }
 
     /// An error at a cell.
-    fn locate(&self, error: TableError, row: usize, cell: usize) -> TableError {
+    pub(crate) fn locate(&self, error: TableError, row: usize, cell: usize) -> TableError {
         let rest = &self.text[self.rows[row].start..];
         let mut quoted = false;
         let mut left = cell;
@@ -342,6 +424,9 @@ impl<'a> Sheet<'a> {
         match found[..] {
             [(at, (factor, offset))] => Ok((at, factor, offset)),
             [] => {
+                if let Some(found) = self.elevation(column) {
+                    return Ok(found);
+                }
                 let bare = |name: &String| {
                     name.strip_prefix(column.name).is_some_and(|rest| {
                         let unit = rest.strip_prefix('_');
@@ -364,12 +449,22 @@ impl<'a> Sheet<'a> {
         }
     }
 
-    fn there_are(&self) -> String {
+    /// A zenith angle may stand as the elevation above the horizon: `elevation_deg` for `zenith`.
+    fn elevation(&self, column: &Column) -> Option<(usize, f64, f64)> {
+        let stem = column.name.strip_suffix("zenith").filter(|_| column.dimension == Dimension::Angle)?;
+        let place = |(at, name): (usize, &String)| match split_unit(name, Dimension::Angle) {
+            Some((found, unit)) if found.strip_prefix(stem) == Some("elevation") => Some((at, -unit.factor, FRAC_PI_2)),
+            _ => None,
+        };
+        self.header.iter().enumerate().find_map(place)
+    }
+
+    pub(crate) fn there_are(&self) -> String {
         let names: Vec<String> = self.header.iter().take(40).map(|name| format!("`{name}`")).collect();
         format!("the columns are {}{}", names.join(", "), if self.header.len() > 40 { ", …" } else { "" })
     }
 
-    fn missing(&self, name: &str) -> TableError {
+    pub(crate) fn missing(&self, name: &str) -> TableError {
         let error = TableError::new("F02", format!("there is no column `{name}`"));
         match crate::nearest(name, self.header.iter().map(String::as_str)) {
             Some(nearest) => error.help(format!("is it `{nearest}`? {}", self.there_are())),
@@ -422,7 +517,11 @@ fn split_unit(name: &str, of: Dimension) -> Option<(&str, &'static Unit)> {
 
 /// Whether the end of a column's name spells a unit.
 fn spelled(unit: &str, end: &str) -> bool {
-    end == unit || unit == "%" && end == "percent" || end == unit.replace(['/', '-'], "_").trim_matches('_')
+    let plain = unit.replace(['/', '-'], "_");
+    end.eq_ignore_ascii_case(unit)
+        || unit == "%" && end == "percent"
+        || unit == "degC" && end == "c"
+        || end.eq_ignore_ascii_case(plain.trim_matches('_'))
 }
 
 /// A number for a message.

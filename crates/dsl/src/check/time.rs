@@ -1,16 +1,19 @@
 //! Where and when, and the weather.
 
 use std::f64::consts::{FRAC_PI_2, PI};
+use std::sync::Arc;
 
+use sunglint_plugin::{ModelInfo, Role};
 use sunglint_radiometry::Dimension;
 
 use super::Checker;
-use super::block::{Body, Braces, Line, Owner, Rule, later, rule};
+use super::block::{Body, Braces, Line, Owner, Rule, rule};
 use super::names::Kind;
 use super::value::{Given, Quantity, TURN, written};
 use crate::ast::{Item, Value};
-use crate::scene::{Clock, Collect, Date, Site, Times, Utc, Weather};
-use crate::{Diagnostic, Severity, Span};
+use crate::scene::{Clock, Cloud, Collect, Date, Site, Times, Utc, Weather};
+use crate::table::TableError;
+use crate::{Diagnostic, Severity, Span, record, sounding};
 
 pub(super) const SITE: &[Rule] = &[
     rule("latitude", "latitude ANGLE").required(),
@@ -36,8 +39,8 @@ pub(super) const COLLECT: &[Rule] = &[
 
 pub(super) const WEATHER: &[Rule] = &[
     rule("profile", "profile us_standard"),
-    rule("radiosonde", "radiosonde FILE").later(Severity::Error),
-    rule("observations", "observations FILE").later(Severity::Error),
+    rule("radiosonde", "radiosonde FILE"),
+    rule("observations", "observations FILE"),
     rule("visibility", "visibility 23 km").excludes(&["aod"]),
     rule("aod", "aod NUMBER").excludes(&["visibility"]),
     rule("aerosol", "aerosol rural").braces(Braces::Optional),
@@ -47,7 +50,13 @@ pub(super) const WEATHER: &[Rule] = &[
     rule("water", "water 1.4 g/cm2").excludes(&["humidity"]),
     rule("ozone", "ozone 320 DU"),
     rule("no2", "no2 COLUMN"),
-    rule("cloud", "cloud { … }").many().braces(Braces::Optional).later(Severity::Error),
+    rule("cloud", "cloud { optical_depth NUMBER, base LENGTH, top LENGTH }").many().braces(Braces::Required),
+];
+
+const CLOUD: &[Rule] = &[
+    rule("optical_depth", "optical_depth NUMBER").required(),
+    rule("base", "base LENGTH").required(),
+    rule("top", "top LENGTH").required(),
 ];
 
 const PROFILES: &[&str] =
@@ -98,20 +107,98 @@ impl<'a> Checker<'a> {
         weather.profile = body.get("profile").and_then(|line| self.word_of(&line, PROFILES)).map(str::to_string);
         if let Some(line) = body.get("aerosol") {
             let mut known = AEROSOLS.to_vec();
-            known.extend(self.catalog.of(sunglint_plugin::Role::Aerosol).map(|info| info.name));
+            known.extend(self.catalog.of(Role::Aerosol).map(|info| info.name));
             weather.aerosol = self.word_of(&line, &known).map(str::to_string);
-            if let Some(block) = line.block.filter(|block| !block.statements.is_empty()) {
-                self.report(
-                    later(Severity::Error, block.span, "aerosol").label("its parameters come with a later version"),
-                );
+            if let Some(name) = weather.aerosol.clone() {
+                self.aerosol_block(&line, &name);
             }
         }
+        weather.radiosonde = body.get("radiosonde").and_then(|line| {
+            self.weather_file(&line, "a sounding", |path, text| sounding::read(path, text)).map(Arc::new)
+        });
+        weather.observations = body
+            .get("observations")
+            .and_then(|line| self.weather_file(&line, "a record", |path, text| record::read(path, text)).map(Arc::new));
+        weather.clouds = self.clouds(&body);
         for line in &body.lines {
             if let Some(rule) = WEATHER.iter().find(|rule| rule.key == line.key) {
                 weather.spans.insert(rule.key, line.span());
             }
         }
         weather
+    }
+
+    /// Layers of cloud, lowest first.
+    fn clouds(&mut self, body: &Body<'a>) -> Vec<Cloud> {
+        let mut clouds: Vec<(Cloud, Span)> = Vec::new();
+        for line in body.all("cloud") {
+            self.surplus(&line, line.items, 0);
+            let own = self.block(&line, CLOUD, "`cloud`");
+            let height = Quantity::new(Dimension::Length).within(0.0, 30_000.0).usual("km");
+            let depth = Quantity::new(Dimension::Fraction).within(0.0, 1000.0);
+            let depth = self.optional(own.get("optical_depth"), &depth);
+            let (base, top) = (self.optional(own.get("base"), &height), self.optional(own.get("top"), &height));
+            let (Some(optical_depth), Some(base), Some(top)) = (depth, base, top) else { continue };
+            if top <= base {
+                let message = "the top of a cloud lies above its base";
+                let place = own.get("top").map_or(line.span(), |line| line.span());
+                let fault = Diagnostic::error("A01", place, message).label("not above the base");
+                let fault = own.get("base").into_iter().fold(fault, |fault, base| fault.note(base.span(), "the base"));
+                self.report(fault);
+                continue;
+            }
+            let span = line.block.map_or(line.span(), |block| super::block::join(line.span(), block.span));
+            let clash = clouds.iter().find(|(other, _)| base < other.top && other.base < top);
+            if let Some((other, place)) = clash {
+                let message = format!(
+                    "two clouds share the heights from {} to {} m",
+                    written(base.max(other.base)),
+                    written(top.min(other.top))
+                );
+                let fault = Diagnostic::error("A01", span, message).label("layers of cloud do not overlap");
+                self.report(fault.note(*place, "the other"));
+                continue;
+            }
+            clouds.push((Cloud { optical_depth, base, top }, span));
+        }
+        clouds.sort_by(|(a, _), (b, _)| a.base.total_cmp(&b.base));
+        clouds.into_iter().map(|(cloud, _)| cloud).collect()
+    }
+
+    /// The block of an aerosol, held against what the model of that name declares; the four named ones declare nothing.
+    fn aerosol_block(&mut self, line: &Line<'a>, name: &str) {
+        let Some(block) = line.block.filter(|block| !block.statements.is_empty()) else { return };
+        let declared = self.catalog.find(Role::Aerosol, name).copied();
+        let none = ModelInfo { name: "aerosol", summary: "", manual: "", params: &[] };
+        let span = line.items.first().map_or(line.key_span, |item| item.span);
+        self.model_use(Role::Aerosol, &declared.unwrap_or(none), span, None, Some(block), None);
+    }
+
+    /// A file of the weather, read; what is wrong with it is reported with its lines.
+    fn weather_file<T>(
+        &mut self,
+        line: &Line<'a>,
+        noun: &str,
+        read: impl Fn(&str, &str) -> Result<T, Vec<TableError>>,
+    ) -> Option<T> {
+        let Some(item) = line.items.first() else {
+            self.absent(line, &format!("{noun}, a file named in quotes"));
+            return None;
+        };
+        let given = self.resolve(item, &[]);
+        let Value::Text(name) = given.value else {
+            self.wrong(line, &given, "a file, named in quotes");
+            return None;
+        };
+        self.surplus(line, line.items, 1);
+        let (path, text) = self.file_text(&given, name)??;
+        match read(&path, text.trim_start_matches('\u{feff}')) {
+            Ok(value) => Some(value),
+            Err(faults) => {
+                faults.into_iter().for_each(|fault| self.table_fault(&given, &path, &text, fault));
+                None
+            }
+        }
     }
 
     pub(super) fn collect(&mut self, line: &Line<'a>, name: Option<&str>) -> Option<Collect> {
@@ -421,7 +508,7 @@ impl<'a> Checker<'a> {
     }
 }
 
-fn days_in(year: i32, month: u8) -> u8 {
+pub(crate) fn days_in(year: i32, month: u8) -> u8 {
     match month {
         4 | 6 | 9 | 11 => 30,
         2 if year % 4 == 0 && (year % 100 != 0 || year % 400 == 0) => 29,
@@ -431,7 +518,7 @@ fn days_in(year: i32, month: u8) -> u8 {
 }
 
 /// Days from 1970-01-01 in the proleptic Gregorian calendar.
-pub(super) fn days_from_epoch(date: Date) -> i64 {
+pub(crate) fn days_from_epoch(date: Date) -> i64 {
     let (month, year) = (i64::from(date.month), i64::from(date.year) - i64::from(date.month <= 2));
     let era = year.div_euclid(400);
     let year_of_era = year.rem_euclid(400);
