@@ -94,42 +94,6 @@ impl Mesh {
         mesh
     }
 
-    /// The mesh of triangles over shared corners, taken as they are: `triangles` holds indices into `positions` \[m\],
-    /// counter-clockwise seen from the front, and `material` gives the material of each. Positions that no triangle uses
-    /// are left out.
-    ///
-    /// # Panics
-    /// Where an index is not below the number of positions.
-    pub fn from_triangles(
-        positions: Vec<DVec3>,
-        mut triangles: Vec<[u32; 3]>,
-        material: impl Fn(usize) -> MaterialId,
-    ) -> Self {
-        let mut index = vec![u32::MAX; positions.len()];
-        triangles.iter().flatten().for_each(|&v| index[v as usize] = 0);
-        let mut vertices = Vec::with_capacity(positions.len());
-        for (i, position) in positions.into_iter().enumerate() {
-            if index[i] == 0 {
-                index[i] = vertices.len() as u32;
-                vertices.push(position);
-            }
-        }
-        triangles.iter_mut().flatten().for_each(|v| *v = index[*v as usize]);
-        let normals =
-            (triangles.iter()).map(|t| area_vector(&t.map(|v| vertices[v as usize])).normalize_or_zero()).collect();
-        let n = triangles.len() as u32;
-        Self {
-            vertices,
-            first_corner: (0..=n).map(|i| 3 * i).collect(),
-            corners: triangles.iter().flatten().copied().collect(),
-            normals,
-            bent: vec![false; n as usize],
-            materials: (0..n as usize).map(material).collect(),
-            facet_of: (0..n).collect(),
-            triangles,
-        }
-    }
-
     /// Number of facets.
     pub fn facet_count(&self) -> usize {
         self.normals.len()
