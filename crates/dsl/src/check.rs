@@ -1,7 +1,9 @@
 //! Tree to meaning: names resolved, units canonical, ranges verified. Everything that is wrong is reported in one run,
 //! each fault once.
 
+mod arena;
 mod block;
+mod database;
 mod experiment;
 mod geometry;
 mod material;
@@ -10,6 +12,7 @@ mod names;
 mod polygon;
 mod sensor;
 mod spectrum;
+mod sweep;
 mod time;
 mod value;
 
@@ -17,16 +20,19 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use sunglint_plugin::{Catalog, Role};
 
+use self::arena::{Arena, Tail};
 use self::block::{Body, Braces, Line, Owner, Rule, inherit, rule};
+use self::database::Folder;
 use self::experiment::{Choice, EXPERIMENT, SNAPSHOT};
 use self::geometry::{GEOMETRY, GROUND_RULE, Scope, TERRAIN_RULE, materials_of};
-use self::material::MATERIAL_HEAD;
+use self::material::{Identities, MATERIAL_HEAD};
 use self::names::{Kind, Names};
 use self::sensor::SENSOR;
+use self::sweep::Run;
 pub(crate) use self::time::{days_from_epoch, days_in};
 use crate::ast::{Ast, Item, Statement, Value};
 use crate::nearest::nearest;
-use crate::scene::{Collect, Scene, Times, Weather};
+use crate::scene::{Collect, Experiment, Scene, Times, Weather};
 use crate::{Diagnostic, FileId, LoadError, Loaded, Loader, Severity, Sources, Span};
 
 /// Holds a tree against the language and the models of a catalogue. `None` where any error was found, by this or by the
@@ -43,7 +49,9 @@ pub fn check(
     let ast = spelt_out.as_ref().unwrap_or(ast);
     let refused_text: Vec<Span> =
         (diagnostics.iter()).filter(|fault| fault.severity == Severity::Error).filter_map(|fault| fault.span).collect();
+    let arena = Arena::default();
     let mut checker = Checker {
+        kept: arena.tail(),
         catalog,
         loader,
         diagnostics,
@@ -62,6 +70,11 @@ pub fn check(
         meshes: HashMap::new(),
         files: HashMap::new(),
         tables: HashMap::new(),
+        folders: Vec::new(),
+        shelved: BTreeMap::new(),
+        parents: Vec::new(),
+        n_materials: 0,
+        variation: None,
     };
     let scene = checker.scene(ast);
     let sound = diagnostics.iter().all(|fault| fault.severity != Severity::Error);
@@ -126,6 +139,8 @@ const MOST_WARNINGS: usize = 100;
 const MOST_NEAREST: usize = 100;
 
 struct Checker<'a> {
+    /// Statements that the checker makes or reads itself.
+    kept: Tail<'a>,
     sources: &'a mut Sources,
     catalog: &'a Catalog,
     loader: &'a mut dyn Loader,
@@ -149,6 +164,16 @@ struct Checker<'a> {
     meshes: HashMap<Span, &'a Item>,
     files: HashMap<(&'a str, String), Result<Loaded, LoadError>>,
     tables: HashMap<String, FileId>,
+    /// Databases of materials, in the order in which they are searched.
+    folders: Vec<Folder>,
+    /// What was looked for in them.
+    shelved: BTreeMap<String, Option<&'a Statement>>,
+    /// Materials of databases that others are like, behind those of the scene.
+    parents: Vec<(&'a str, Span)>,
+    /// Materials of the scene.
+    n_materials: usize,
+    /// Where an experiment gives constants other values, while the scene is checked under them.
+    variation: Option<Span>,
 }
 
 /// Statements of the scene itself; geometry stands beside them.
@@ -157,7 +182,7 @@ const SCENE: &[Rule] = &[
     rule("scene", "scene STRING"),
     rule("include", "include STRING").many(),
     rule("plugin", "plugin STRING").many().later(Severity::Error),
-    rule("database", "database STRING").many().later(Severity::Error),
+    rule("database", "database STRING").many(),
     rule("define", "define NAME VALUE").many().leading(2),
     rule("site", "site { latitude ANGLE, longitude ANGLE }").braces(Braces::Required),
     rule("collect", "collect { at 1992-06-18 12:00 -04:00 }").many().leading(1).braces(Braces::Required),
@@ -210,6 +235,8 @@ struct Entity<'a> {
     /// What stands in the braces.
     body: Body<'a>,
     like: Option<usize>,
+    /// Whether it was to come from a database and did not.
+    lost: bool,
 }
 
 impl<'a> Entity<'a> {
@@ -231,6 +258,12 @@ impl<'a> Checker<'a> {
         };
         if *count < most && self.seen.insert((fault.code, fault.span, fault.message.clone())) {
             *count += 1;
+            // What the text's own constants do not show is the doing of an experiment.
+            let told = |place: Span| fault.notes.iter().any(|(note, _)| overlap(*note, place));
+            let fault = match self.variation {
+                Some(place) if !told(place) => fault.note(place, "with this value of the constant"),
+                _ => fault,
+            };
             self.diagnostics.push(fault);
         }
     }
@@ -255,13 +288,71 @@ impl<'a> Checker<'a> {
 
         self.define(&top);
         self.declare_all(&top);
+        self.databases(&top);
+        let before = self.n_errors;
+        self.in_experiment = true;
+        let found = self.entities(&top, "experiment", Kind::Experiment, EXPERIMENT, EXPERIMENT, "an experiment");
+        self.in_experiment = false;
+        let bodies = self.lineages(&found, Kind::Experiment, EXPERIMENT, experiment::same_selection);
+        let runs = self.runs(&found, &bodies);
+        let of_experiments = self.n_errors - before;
+
+        let (mut scene, identities) = self.world(&top);
+        let whole = self.n_errors == of_experiments;
+        let groups = self.by_constants(&runs);
+        scene.experiments = self.experiments(&found, &groups[0], &scene, &identities, whole);
+        if found.is_empty() {
+            let choice = Choice::of(&scene, &identities, whole);
+            let default = self.default_experiment(&choice);
+            scene.experiments.push(default);
+        }
+        let defined = |group: &[&Run<'a>]| Some(group.first()?.constants.first()?.span);
+        let place = groups.get(1).and_then(|group| defined(group));
+        if self.fits_times(&scene, groups.len(), place) {
+            let own = self.constants.clone();
+            for group in &groups[1..] {
+                let before = self.n_errors;
+                self.variation = defined(group);
+                for constant in group.iter().take(1).flat_map(|run| &run.constants) {
+                    self.constants.insert(constant.name, (constant.value, constant.span));
+                }
+                self.break_circles();
+                let (mut variant, identities) = self.world(&top);
+                let whole = whole && self.n_errors == before;
+                variant.experiments = self.experiments(&found, group, &variant, &identities, whole);
+                scene.variants.push(variant);
+                self.variation = None;
+                self.constants.clone_from(&own);
+            }
+        }
+        scene
+    }
+
+    /// The experiments of some runs.
+    fn experiments(
+        &mut self,
+        found: &[Entity<'a>],
+        runs: &[&Run<'a>],
+        scene: &Scene,
+        identities: &[Identities],
+        whole: bool,
+    ) -> Vec<Experiment> {
+        let choice = Choice::of(scene, identities, whole);
+        runs.iter().map(|run| self.experiment(&found[run.entity], run, &choice)).collect()
+    }
+
+    /// What the text means under the constants that stand, but for its experiments; and what these can pick from each
+    /// material.
+    fn world(&mut self, top: &Body<'a>) -> (Scene, Vec<Identities>) {
+        self.names.forget(Kind::Placement);
+        (self.placements, self.ground_height, self.opening) = (0, None, true);
         let title = top.get("scene").and_then(|line| self.text(&line)).map(|(title, _)| title.to_string());
-        let site = self.site(&top);
-        let weathers = self.weathers(&top);
-        let collects = self.collects(&top, site.is_some() || top.said("site"));
+        let site = self.site(top);
+        let weathers = self.weathers(top);
+        let collects = self.collects(top, site.is_some() || top.said("site"));
         let n_collects = collects.len();
 
-        let found = self.entities(&top, "sensor", Kind::Sensor, SENSOR, SENSOR, "a sensor");
+        let found = self.entities(top, "sensor", Kind::Sensor, SENSOR, SENSOR, "a sensor");
         let bodies = self.lineages(&found, Kind::Sensor, SENSOR, sensor::same_band);
         let sensors: Vec<_> = (found.iter().zip(&bodies))
             .map(|(entity, body)| {
@@ -270,14 +361,14 @@ impl<'a> Checker<'a> {
                 self.sensor(entity, body, n_collects, site)
             })
             .collect();
-        if sensors.is_empty() && !self.perhaps(&top, "sensor") {
+        if sensors.is_empty() && !self.perhaps(top, "sensor") {
             let fault = Diagnostic::whole("S05", "the scene has no sensor").label("`sensor NAME { … }`?");
             self.report(fault.help("a scene needs `sensor NAME { position, look_at, field_of_view, pixels, band }`"));
         }
 
-        let ground = self.ground(&top);
-        let terrain = self.terrain(&top);
-        let mut world = self.shapes(&top, Scope::World);
+        let ground = self.ground(top);
+        let terrain = self.terrain(top);
+        let mut world = self.shapes(top, Scope::World);
         let mut objects: Vec<_> = (top.all("object"))
             .map(|line| {
                 let name = self.name_of(&line, Kind::Object).map_or("", |(name, _)| name);
@@ -297,9 +388,11 @@ impl<'a> Checker<'a> {
         }
 
         let rules = self.material_rules();
-        let found = self.entities(&top, "material", Kind::Material, &rules, &[], "a material");
+        let mut found = self.entities(top, "material", Kind::Material, &rules, &[], "a material");
         let bodies = self
             .lineages(&found, Kind::Material, &rules, |old, new| material::identity(old) == material::identity(new));
+        // Those of a database that are here only to be like.
+        found.truncate(self.n_materials);
         let mut used = vec![false; found.len()];
         let of_terrain =
             terrain.iter().flat_map(|t| t.maps.iter().map(|(_, material, _)| *material).chain([t.material]));
@@ -312,8 +405,7 @@ impl<'a> Checker<'a> {
         let mut materials = Vec::with_capacity(found.len());
         let mut identities = Vec::with_capacity(found.len());
         for (i, entity) in found.iter().enumerate() {
-            let written = self.is_written(entity);
-            let used = used[i] && written;
+            let used = used[i] && !entity.lost;
             let (material, models) = self.material(entity, &bodies[i], codes[i], used);
             materials.push(material);
             identities.push(models);
@@ -324,25 +416,8 @@ impl<'a> Checker<'a> {
             None => None,
         };
         let atmosphere = atmosphere.unwrap_or_else(|| self.default_model(Role::Atmosphere, "spectrl2"));
-        let choice = Choice {
-            materials: &materials,
-            identities: &identities,
-            sensors: &sensors,
-            n_collects,
-            atmosphere: &atmosphere,
-            whole: self.n_errors == 0,
-        };
-        self.in_experiment = true;
-        let found = self.entities(&top, "experiment", Kind::Experiment, EXPERIMENT, EXPERIMENT, "an experiment");
-        self.in_experiment = false;
-        let bodies = self.lineages(&found, Kind::Experiment, EXPERIMENT, experiment::same_selection);
-        let mut experiments: Vec<_> =
-            found.iter().zip(&bodies).map(|(entity, body)| self.experiment(entity, body, &choice)).collect();
-        if experiments.is_empty() {
-            experiments.push(self.default_experiment(&choice));
-        }
-        let snapshot = self.snapshot(&top);
-        Scene {
+        let snapshot = self.snapshot(top);
+        let scene = Scene {
             title,
             site,
             collects,
@@ -354,9 +429,11 @@ impl<'a> Checker<'a> {
             terrain,
             ground,
             sensors,
-            experiments,
+            experiments: Vec::new(),
             snapshot,
-        }
+            variants: Vec::new(),
+        };
+        (scene, identities)
     }
 
     /// Whether a statement that seems missing may be one that could not be read.
@@ -383,6 +460,11 @@ impl<'a> Checker<'a> {
                 _ => self.absent(&line, "a name and a value"),
             }
         }
+        self.break_circles();
+    }
+
+    /// Reports constants that stand for each other in a circle, and forgets them.
+    fn break_circles(&mut self) {
         let names: Vec<&'a str> = self.constants.keys().copied().collect();
         for name in names {
             let mut path = vec![name];
@@ -498,8 +580,13 @@ impl<'a> Checker<'a> {
         of: &str,
     ) -> Vec<Entity<'a>> {
         let mut out = Vec::new();
+        let material = kind == Kind::Material;
+        if material {
+            self.parents.clear();
+            self.n_materials = top.all(key).count();
+        }
         for line in top.all(key) {
-            let (items, head) = self.clauses(&line);
+            let (items, mut head) = self.clauses(&line);
             let name = match items.first() {
                 Some(Item { value: Value::Word(name), span }) => Some((name.as_str(), *span)),
                 _ => None,
@@ -511,16 +598,61 @@ impl<'a> Checker<'a> {
                 _ => "S05",
             };
             let owner = Owner { exclusion, ..Owner::new(of, &line) };
-            let like = head.get("like").and_then(|like| self.parent(&like, kind));
-            let statements = line.block.iter().flat_map(|block| &block.statements).map(Line::of);
-            let body = self.hold(statements, rules, siblings, &owner);
+            let mut like = head.get("like").and_then(|like| self.parent(&like, kind));
+            let mut block = line.block;
+            let mut lost = false;
+            if let Some((name, span)) = name.filter(|_| material && block.is_none() && !head.said("like")) {
+                let taken = self.taken(name, span).and_then(|statement| self.shelf_head(statement));
+                lost = taken.is_none();
+                if let Some((statement, above)) = taken {
+                    block = statement.block.as_ref();
+                    like = above.get("like").and_then(|like| self.parent(&like, kind));
+                    head.lines.extend(above.lines);
+                }
+            }
+            let statements = block.iter().flat_map(|block| &block.statements).map(Line::of);
+            let mut body = self.hold(statements, rules, siblings, &owner);
+            body.obscure |= lost;
             if kind == Kind::Sensor && line.block.is_none() && !head.said("like") {
                 self.missing("S05", "a sensor needs a block in braces", "sensor NAME { … }", &owner);
             }
             let name_span = name.map_or(line.key_span, |(_, span)| span);
-            out.push(Entity { name: name.map(|(name, _)| name), name_span, line, head, body, like });
+            out.push(Entity { name: name.map(|(name, _)| name), name_span, line, head, body, like, lost });
+        }
+        let mut next = 0;
+        while let Some((name, wanted)) = self.parents.get(next).copied().filter(|_| material) {
+            next += 1;
+            let taken = self.from_database(name, wanted).and_then(|statement| self.shelf_head(statement));
+            let (line, head) = match taken {
+                Some((statement, head)) => (Line::of(statement), head),
+                None => (Line { block: None, ..out[0].line }, Body { obscure: true, ..Body::default() }),
+            };
+            let like = head.get("like").and_then(|like| self.parent(&like, kind));
+            let owner = Owner::new(of, &line);
+            let statements = line.block.iter().flat_map(|block| &block.statements).map(Line::of);
+            let mut body = self.hold(statements, rules, siblings, &owner);
+            body.obscure |= line.block.is_none() && !head.said("like");
+            out.push(Entity { name: Some(name), name_span: wanted, line, head, body, like, lost: false });
         }
         out
+    }
+
+    /// A statement of a database with what stands between its name and its braces.
+    fn shelf_head(&mut self, statement: &'a Statement) -> Option<(&'a Statement, Body<'a>)> {
+        let line = Line { clauses: MATERIAL_HEAD, leading: 1, ..Line::of(statement) };
+        let (items, head) = self.clauses(&line);
+        self.surplus(&line, items, 1);
+        if let Some(code) = head.get("code") {
+            let fault = Diagnostic::error("F01", code.span(), "a material of a database has no code of its own");
+            self.report(fault.label("the scene gives it: `material NAME code COUNT`"));
+        } else if statement.block.is_none() && !head.said("like") {
+            let fault =
+                Diagnostic::error("F01", statement.span, "this file of a database says nothing of its material");
+            self.report(fault.label("`{ title, source, licence, reflectance, ideal }`?"));
+        } else {
+            return Some((statement, head));
+        }
+        None
     }
 
     fn parent(&mut self, like: &Line<'a>, kind: Kind) -> Option<usize> {
@@ -531,14 +663,15 @@ impl<'a> Checker<'a> {
         if let Value::Word(name) = &item.value
             && kind == Kind::Material
             && self.names.find(kind, name).is_none()
-            && !self.constants.contains_key(name.as_str())
-            && self.near(name, self.names.of(kind)).is_none()
-            && !self.excused(name)
+            && self.in_database(name)
         {
-            let message =
-                format!("the scene has no material `{name}`, and the database of materials comes with a later version");
-            self.report(Diagnostic::error("L01", item.span, message).label("not in this version"));
-            return None;
+            self.surplus(like, like.items, 1);
+            let known = self.parents.iter().position(|(known, _)| known == name);
+            let position = known.unwrap_or_else(|| {
+                self.parents.push((name, item.span));
+                self.parents.len() - 1
+            });
+            return Some(self.n_materials + position);
         }
         let index = self.reference(like, item, kind);
         self.surplus(like, like.items, 1);

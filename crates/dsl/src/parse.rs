@@ -43,6 +43,21 @@ pub fn parse(path: &str, loader: &mut dyn Loader, sources: &mut Sources, diagnos
     ast
 }
 
+/// Reads a further file, which `path` names in the file `from` at `place`: its statements, with what they include.
+pub(crate) fn parse_file(
+    path: &str,
+    from: &str,
+    place: Span,
+    loader: &mut dyn Loader,
+    sources: &mut Sources,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Vec<Statement> {
+    let mut reader = Reader { loader, sources, diagnostics, seen: BTreeSet::new(), open: Vec::new(), version: None };
+    let mut statements = Vec::new();
+    reader.file(path, from, Some(place), &mut statements);
+    statements
+}
+
 struct Reader<'a> {
     loader: &'a mut dyn Loader,
     sources: &'a mut Sources,

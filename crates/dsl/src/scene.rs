@@ -33,10 +33,28 @@ pub struct Scene {
     pub ground: Option<Ground>,
     /// Sensors, at least one.
     pub sensors: Vec<Sensor>,
-    /// Experiments, at least one (`default` where the scene has none).
+    /// Experiments that see the text's own constants, a run of a sweep each (`default` where the scene has none).
     pub experiments: Vec<Experiment>,
     /// What `test` renders.
     pub snapshot: Snapshot,
+    /// The same text under the constants of its experiments: one scene for each set that differs from the text's own, with
+    /// the experiments that see it. These have no variants, and then [`Scene::experiments`] may be empty.
+    pub variants: Vec<Scene>,
+}
+
+impl Scene {
+    /// What the text means under each set of constants: the scene itself, then its variants.
+    pub fn worlds(&self) -> impl Iterator<Item = &Scene> {
+        std::iter::once(self).chain(&self.variants)
+    }
+
+    /// All experiments with the scene that each sees, in the order of the text.
+    pub fn runs(&self) -> Vec<(&Scene, &Experiment)> {
+        let mut runs: Vec<_> =
+            self.worlds().flat_map(|scene| scene.experiments.iter().map(move |run| (scene, run))).collect();
+        runs.sort_by_key(|(_, run)| run.order);
+        runs
+    }
 }
 
 /// Where the scene is.
@@ -349,6 +367,10 @@ pub struct Material {
     pub code: u16,
     /// Title.
     pub title: Option<String>,
+    /// Where its numbers come from.
+    pub source: Option<String>,
+    /// Under which licence.
+    pub licence: Option<String>,
     /// Total (hemispherical) reflectance.
     pub reflectance: Option<SpectralValue>,
     /// Radiance leaving the front \[W m⁻² sr⁻¹ µm⁻¹\].
@@ -460,7 +482,7 @@ impl Polygons {
 }
 
 /// One geometry statement.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Shape {
     /// Planar polygons, corners counter-clockwise seen from the front.
     Facets {
@@ -662,7 +684,7 @@ pub struct Terrain {
 }
 
 /// Geometry in its own frame, +y ahead.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Object {
     /// Name.
     pub name: String,
@@ -887,11 +909,19 @@ pub struct Products {
     pub surface_radiance: bool,
 }
 
-/// An experiment.
+/// An experiment, or one run of an experiment that sweeps.
 #[derive(Clone, Debug)]
 pub struct Experiment {
-    /// Name.
+    /// Name of the run: `haze`, or with its swept values `haze/reflectance=phong,visibility=5km`.
     pub name: String,
+    /// Name of the experiment in the text: `haze`.
+    pub base: String,
+    /// Swept values by name, in the order of the text.
+    pub sweep: Vec<(String, String)>,
+    /// Constants that it gives another value, as written.
+    pub constants: Vec<(String, String)>,
+    /// Position among all runs of the scene.
+    pub order: usize,
     /// Radiance algorithm.
     pub algorithm: ModelUse,
     /// Atmosphere.

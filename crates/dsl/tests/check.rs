@@ -90,6 +90,15 @@ impl Loader for Memory {
             }
         }
     }
+
+    fn list(&mut self, path: &str, _from: &str) -> Result<Vec<String>, LoadError> {
+        let own = |file: &String| Some(file.strip_prefix(path)?.strip_prefix('/')?.to_string());
+        let names: Vec<String> = self.files.keys().filter_map(own).collect();
+        if names.is_empty() && path != "sunglint:materials" {
+            return Err(LoadError { message: format!("there is no folder {path}"), nearest: None });
+        }
+        Ok(names)
+    }
 }
 
 struct Outcome {
@@ -282,6 +291,30 @@ fn one_fault_gives_one_message_with_its_code() {
         ("X01", "material grey {", "experiment a { products [radiance, trut] }\nmaterial grey {"),
         ("X01", "material grey {", "experiment a { sensor [] }\nmaterial grey {"),
         ("X02", "23 km", "sweep [5, 23] km"),
+        ("X02", "material grey {", "experiment a { seed sweep [] }\nmaterial grey {"),
+        ("X02", "material grey {", "experiment a { seed sweep 3 }\nmaterial grey {"),
+        ("X02", "material grey {", "experiment a { weather { visibility sweep [5 km, 5000 m] } }\nmaterial grey {"),
+        ("X02", "material grey {", "experiment a { weather { visibility sweep [5 km, \"far\"] } }\nmaterial grey {"),
+        ("X02", "material grey {", "experiment a { seed sweep [1 2, 3] }\nmaterial grey {"),
+        ("U03", "material grey {", "experiment a { weather { visibility sweep [5 km, 5 min] } }\nmaterial grey {"),
+        ("N02", "material grey {", "define tone 0.1\nexperiment a { define tine 0.2 }\nmaterial grey {"),
+        ("S05", "material grey {", "define t 1\nexperiment a { define t 2, define t 3 }\nmaterial grey {"),
+        (
+            "N05",
+            "diffuse 0.18",
+            "diffuse tone } }\ndefine tone 0.1\nexperiment a { define tone 3 m }\nmaterial b { ideal { diffuse 0",
+        ),
+        ("N04", "material grey {", "define a 1\ndefine b a\nexperiment e { define a b }\nmaterial grey {"),
+        ("U03", "material grey {", "experiment a { time 60 m }\nmaterial grey {"),
+        ("U05", "material grey {", "experiment a { time 0 s }\nmaterial grey {"),
+        // databases
+        ("N02", "material grey {", "material asfalt\nmaterial grey {"),
+        ("N02", "material grey {", "material b like lawns\nmaterial grey {"),
+        ("N02", "facet blacktop", "facet lawn"),
+        ("F01", "material grey {", "database \"stone\"\nmaterial broken\nmaterial grey {"),
+        ("F01", "material grey {", "database \"stone\"\nmaterial empty\nmaterial grey {"),
+        ("F01", "material grey {", "database \"stone\"\nmaterial coded\nmaterial grey {"),
+        ("F01", "material grey {", "database \"nowhere\"\nmaterial grey {"),
         ("X03", "material grey {", "experiment a { algorithm ideal { sky directional } }\nmaterial grey {"),
         ("X03", "material grey {", "experiment a { samples 64, time 60 s }\nmaterial grey {"),
         // files
@@ -291,16 +324,19 @@ fn one_fault_gives_one_message_with_its_code() {
         ("L01", "material grey {", "atmosphere layered { streams 16 }\nmaterial grey {"),
         ("L01", "material grey {", "experiment a { algorithm full }\nmaterial grey {"),
         ("L01", "material grey {", "experiment a { reflectance rpv else ideal }\nmaterial grey {"),
-        ("L01", "material grey {", "experiment a { time 60 s }\nmaterial grey {"),
-        ("L01", "material grey {", "experiment a { weather { visibility sweep [5, 10] km } }\nmaterial grey {"),
         ("L01", "ideal { diffuse 0.18 }", "rpv { rho0 0.1 }"),
         ("L01", "visibility 23 km", "radiosonde \"buf_12z.csv\""),
         ("L01", "material grey {", "sphere grey radius 1 m\nmaterial grey {"),
-        ("L01", "material grey {", "material asphalt_road_old\nmaterial grey {"),
         ("L01", "material grey {", "plugin \"foam\"\nmaterial grey {"),
         ("L01", "field_of_view", "projection pushbroom\n  field_of_view"),
     ];
-    let white = [("white.csv", "wavelength_nm,white\n400,0.8\n1000,0.82\n")];
+    let white = [
+        ("white.csv", "wavelength_nm,white\n400,0.8\n1000,0.82\n"),
+        ("sunglint:materials/lawn.glint", "glint 1\nmaterial lawn { ideal { diffuse 0.1 } }\n"),
+        ("stone/broken.glint", "glint 1\nmaterial broken { ideal { diffuse 0.1 }\n"),
+        ("stone/empty.glint", "glint 1\n"),
+        ("stone/coded.glint", "glint 1\nmaterial coded code 3 { ideal }\n"),
+    ];
     let mut wrong = String::new();
     for (code, from, to) in cases {
         let out = run_with(edited(from, to).as_bytes(), &white);
@@ -560,4 +596,198 @@ fn no_mutation_of_a_scene_makes_the_checker_panic() {
         let failed = out.diagnostics.iter().any(|fault| fault.severity == Severity::Error);
         assert_eq!(out.scene.is_none(), failed);
     }
+}
+
+/// The example with panels whose tone and height are constants.
+fn study(experiments: &str) -> String {
+    edited("panel grey size (2 1.4) m at (0 5 0.7) m facing roof", "panel grey size (2 1.4) m at here facing roof")
+        .replace("diffuse 0.18", "diffuse tone")
+        .replace("position (0 -25 15) m", "position aloft")
+        + "define tone 0.18\ndefine here (0 5 0.7) m\ndefine aloft (0 -25 15) m\n"
+        + experiments
+}
+
+fn names(scene: &Scene) -> Vec<String> {
+    scene.runs().iter().map(|(_, run)| run.name.clone()).collect()
+}
+
+/// Language page, section 4: one run an item, several sweeps multiply, the last of the block varies fastest.
+#[test]
+fn sweeps_multiply_in_the_order_of_the_block() {
+    let scene = good(
+        &(EXAMPLE.to_string()
+            + "experiment haze { algorithm sweep [split, ideal], weather { visibility sweep [5, 10, 23] km }, seed 3 }\n\
+               experiment clear { }\n\
+               experiment few { samples sweep [16, 64], weather { humidity sweep [10, 60] % } }\n"),
+    );
+    assert_eq!(
+        names(&scene),
+        [
+            "haze/algorithm=split,visibility=5km",
+            "haze/algorithm=split,visibility=10km",
+            "haze/algorithm=split,visibility=23km",
+            "haze/algorithm=ideal,visibility=5km",
+            "haze/algorithm=ideal,visibility=10km",
+            "haze/algorithm=ideal,visibility=23km",
+            "clear",
+            "few/samples=16,humidity=10%",
+            "few/samples=16,humidity=60%",
+            "few/samples=64,humidity=10%",
+            "few/samples=64,humidity=60%",
+        ]
+    );
+    assert!(scene.variants.is_empty());
+    let run = &scene.experiments[4];
+    assert_eq!((run.algorithm.name.as_str(), run.base.as_str(), run.seed), ("ideal", "haze", 3));
+    assert_eq!(run.weather.as_ref().unwrap().visibility, Some(10_000.0));
+    assert_eq!(run.sweep, [("algorithm".into(), "ideal".into()), ("visibility".into(), "10km".into())]);
+    assert_eq!(scene.experiments[9].accuracy, Accuracy::Samples(64));
+}
+
+/// `exact like haze` runs all of haze's sweeps, unless it says the field again or says what excludes it.
+#[test]
+fn a_child_inherits_sweeps_that_it_does_not_say_again() {
+    let scene = good(
+        &(EXAMPLE.to_string()
+            + "experiment haze { seed sweep [1, 2], weather { visibility sweep [5, 10] km, humidity 60 % } }\n\
+               experiment exact like haze { error 0.2 % }\n\
+               experiment one like haze { seed 7 }\n\
+               experiment dusty like haze { weather { aod 0.3 } }\n\
+               experiment wide like one { weather { visibility sweep [40, 80] km } }\n"),
+    );
+    let of = |base: &str| -> Vec<String> {
+        names(&scene).into_iter().filter_map(|name| Some(name.strip_prefix(base)?.to_string())).collect()
+    };
+    assert_eq!(
+        of("exact/"),
+        ["seed=1,visibility=5km", "seed=1,visibility=10km", "seed=2,visibility=5km", "seed=2,visibility=10km"]
+    );
+    assert_eq!(of("one/"), ["visibility=5km", "visibility=10km"]);
+    assert_eq!(of("dusty/"), ["seed=1", "seed=2"]);
+    assert_eq!(of("wide/"), ["visibility=40km", "visibility=80km"]);
+    let dusty = scene.experiments.iter().find(|run| run.base == "dusty").unwrap().weather.clone().unwrap();
+    assert_eq!((dusty.visibility, dusty.aod, dusty.humidity), (None, Some(0.3), Some(0.6)));
+}
+
+/// A sweep of materials' models, of sensors and behind `else`; names say what varies, values are safe in a folder.
+#[test]
+fn names_of_runs_are_safe_in_folders() {
+    let text = EXAMPLE.to_string()
+        + "sensor plane like roof { look_at (0 0 0) m, altitude 1200 m, view_zenith 20 deg, view_azimuth 90 deg }\n\
+           define far 40 km\n\
+           define spot (0 0 0) m\n\
+           experiment a { sensor sweep [roof, plane], weather { visibility sweep [far, 5 km] } }\n\
+           experiment b { define spot sweep [(0 0 1), (0 0 2)] m, error 1 % floor sweep [1, 2] W/m2/sr/um }\n";
+    let scene = good(&text);
+    assert_eq!(
+        names(&scene),
+        [
+            "a/sensor=roof,visibility=far",
+            "a/sensor=roof,visibility=5km",
+            "a/sensor=plane,visibility=far",
+            "a/sensor=plane,visibility=5km",
+            "b/spot=0_0_1m,floor=1Wperm2persrperum",
+            "b/spot=0_0_1m,floor=2Wperm2persrperum",
+            "b/spot=0_0_2m,floor=1Wperm2persrperum",
+            "b/spot=0_0_2m,floor=2Wperm2persrperum",
+        ]
+    );
+}
+
+/// One scene for each set of constants, shared by all runs that see it; the order of the runs is that of the text.
+#[test]
+fn a_constant_of_an_experiment_changes_its_scene_alone() {
+    let scene = good(&study(
+        "experiment dark { define tone 0.05 }\n\
+         experiment own { }\n\
+         experiment same { define tone 0.18 }\n\
+         experiment high like dark { define aloft sweep [(0 -25 15), (0 -25 90)] m }\n",
+    ));
+    assert_eq!(names(&scene), ["dark", "own", "same", "high/aloft=0_-25_15m", "high/aloft=0_-25_90m"]);
+    assert_eq!(scene.experiments.iter().map(|run| run.name.as_str()).collect::<Vec<_>>(), ["own", "same"]);
+    let of = |scene: &Scene| {
+        let diffuse = scene.materials[1].models[0].args.spectral("diffuse").cloned();
+        let SensorPose::LookAt { position, .. } = scene.sensors[0].pose else { panic!("{:?}", scene.sensors[0].pose) };
+        (diffuse, position.z)
+    };
+    let tone = |value| Some(SpectralValue::Constant(value));
+    assert_eq!(of(&scene), (tone(0.18), 15.0));
+    // dark and the first of high see the same set.
+    assert_eq!(scene.variants.len(), 2);
+    assert_eq!((of(&scene.variants[0]), scene.variants[0].experiments.len()), ((tone(0.05), 15.0), 2));
+    assert_eq!((of(&scene.variants[1]), scene.variants[1].experiments.len()), ((tone(0.05), 90.0), 1));
+    let high = &scene.variants[1].experiments[0];
+    let constants: Vec<(&str, &str)> = high.constants.iter().map(|(a, b)| (a.as_str(), b.as_str())).collect();
+    assert_eq!(constants, [("tone", "0.05"), ("aloft", "(0 -25 90) m")]);
+}
+
+/// A fault that only an experiment's constants bring names the place of use, and notes the definition.
+#[test]
+fn a_constant_that_fits_in_the_scene_may_not_fit_in_an_experiment() {
+    let out = run(&study("experiment dark { define tone sweep [0.05, 1.5] }\n"));
+    assert_eq!(out.codes(), ["U05"], "{}", out.shown());
+    let fault = &out.diagnostics[0];
+    assert_eq!(out.sources.text(fault.span.unwrap()), "tone");
+    assert_eq!(out.sources.text(fault.notes[0].0), "1.5");
+    let out = run(&study("experiment low { define aloft (0 3 0) m }\n"));
+    assert_eq!(out.codes(), ["V02"], "{}", out.shown());
+    let last = out.diagnostics[0].notes.last().unwrap().0;
+    assert_eq!(out.sources.text(last), "define aloft (0 3 0) m");
+}
+
+/// Sweeps multiply fast: many runs are asked about, too many are refused before they take memory.
+#[test]
+fn too_many_runs_are_refused() {
+    let list = |n: usize| (0..n).map(|i| i.to_string()).collect::<Vec<_>>().join(", ");
+    let text = |n: usize| {
+        let values = list(n);
+        EXAMPLE.to_string()
+            + &format!("experiment a {{ seed sweep [{values}], weather {{ visibility sweep [{values}] km }} }}\n")
+    };
+    // 0 km is no visibility, so that the lists here begin at 1.
+    let text = |n: usize| text(n).replace("[0, ", "[");
+    let some = run(&text(34));
+    assert_eq!((some.codes(), some.scene.map(|scene| scene.experiments.len())), (vec!["X02"], Some(33 * 33)));
+    let many = run(&text(2000));
+    assert_eq!((many.codes(), many.diagnostics[0].severity), (vec!["X02"], Severity::Error), "{}", many.shown());
+}
+
+#[test]
+fn time_is_an_accuracy() {
+    let scene = good(&(EXAMPLE.to_string() + "experiment a { time 2 min }\n"));
+    assert_eq!(scene.experiments[0].accuracy, Accuracy::Time { seconds: 120.0 });
+}
+
+/// Folders in their order, then the shipped one; relative files count from the file of the database.
+#[test]
+fn materials_come_from_databases() {
+    let files = [
+        (
+            "mine/lawn.glint",
+            "glint 1\nmaterial lawn { title \"mine\", source \"me\", licence \"CC0\", ideal { diffuse 0.3 } }\n",
+        ),
+        ("theirs/lawn.glint", "glint 1\nmaterial lawn { ideal { diffuse 0.4 } }\n"),
+        ("theirs/moss.glint", "glint 1\nmaterial moss like peat { title \"moss\" }\n"),
+        ("sunglint:materials/peat.glint", "glint 1\nmaterial peat { ideal { diffuse 0.05 } }\n"),
+    ];
+    let text = EXAMPLE.to_string()
+        + "database \"mine\"\ndatabase \"theirs\"\n\
+           material lawn code 9\nmaterial moss\nmaterial dry like peat { title \"dry\" }\n\
+           facet lawn (0 0 1) (1 0 1) (1 1 1) m\nfacet moss (0 0 2) (1 0 2) (1 1 2) m\nfacet dry (0 0 3) (1 0 3) (1 1 3) m\n";
+    let out = run_with(text.as_bytes(), &files);
+    assert!(out.diagnostics.is_empty(), "{}", out.shown());
+    let scene = out.scene.unwrap();
+    assert_eq!(scene.materials.len(), 5, "what others are only like is no material of the scene");
+    let of = |i: usize| {
+        let material = &scene.materials[i];
+        (material.name.as_str(), material.title.as_deref(), material.models[0].args.spectral("diffuse").cloned())
+    };
+    let tone = |value| Some(SpectralValue::Constant(value));
+    assert_eq!(of(2), ("lawn", Some("mine"), tone(0.3)));
+    assert_eq!(of(3), ("moss", Some("moss"), tone(0.05)));
+    assert_eq!(of(4), ("dry", Some("dry"), tone(0.05)));
+    assert_eq!((scene.materials[2].code, scene.materials[2].licence.as_deref()), (9, Some("CC0")));
+    let circle = [("mine/a.glint", "glint 1\nmaterial a like b\n"), ("mine/b.glint", "glint 1\nmaterial b like a\n")];
+    let out = run_with((EXAMPLE.to_string() + "database \"mine\"\nmaterial c like a\n").as_bytes(), &circle);
+    assert_eq!(out.codes(), ["N04"], "{}", out.shown());
 }

@@ -315,12 +315,10 @@ impl<'a> Checker<'a> {
             self.report(fault.note(*place, format!("`{other}` is said here")));
             return true;
         }
-        if let Some(item) = line.items.iter().find(|item| matches!(&item.value, Value::Word(word) if word == "sweep")) {
-            self.report(if self.in_experiment {
-                later(Severity::Error, item.span, "sweep").label("one experiment for each value, until then")
-            } else {
-                Diagnostic::error("X02", item.span, "a sweep stands only in an experiment").label("one value here?")
-            });
+        let sweep = line.items.iter().find(|item| matches!(&item.value, Value::Word(word) if word == "sweep"));
+        if let Some(item) = sweep.filter(|_| !self.in_experiment) {
+            let fault = Diagnostic::error("X02", item.span, "a sweep stands only in an experiment");
+            self.report(fault.label("a constant here, and `define NAME sweep LIST` in an experiment?"));
             return true;
         }
         if let Some(severity) = rule.later {

@@ -95,7 +95,9 @@ impl<'a> Checker<'a> {
         }
         if found.is_none() {
             let message = format!("`{path}` of the database holds no material");
-            self.report(Diagnostic::error("F01", wanted, message).label(format!("`material {name} {{ … }}` belongs in it")));
+            self.report(
+                Diagnostic::error("F01", wanted, message).label(format!("`material {name} {{ … }}` belongs in it")),
+            );
         }
         found
     }

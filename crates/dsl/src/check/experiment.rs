@@ -8,19 +8,20 @@ use sunglint_radiometry::Dimension;
 use super::block::{Body, Braces, Line, Owner, Rule, later, rule};
 use super::material::Identities;
 use super::names::Kind;
+use super::sweep::{Redefinition, Run};
 use super::value::Quantity;
 use super::{Checker, Entity};
 use crate::ast::{Item, Value};
 use crate::nearest::list;
 use crate::scene::{Accuracy, Experiment, Material, ModelUse, Products, Sensor, Snapshot, Weather};
-use crate::{Diagnostic, Severity, Span};
+use crate::{Diagnostic, Scene, Severity, Span};
 
 /// The statements of an experiment's block.
 pub(super) const EXPERIMENT: &[Rule] = &[
     rule("algorithm", "algorithm split").leading(1).braces(Braces::Optional),
     rule("atmosphere", "atmosphere MODEL").leading(1).braces(Braces::Optional),
     rule("weather", "weather { … }").braces(Braces::Required),
-    rule("define", "define NAME VALUE").many().leading(2).later(Severity::Error),
+    rule("define", "define NAME VALUE").many().leading(2),
     rule("reflectance", "reflectance split else ideal for NAMES")
         .many()
         .leading(1)
@@ -29,7 +30,7 @@ pub(super) const EXPERIMENT: &[Rule] = &[
     rule("collect", "collect NAMES"),
     rule("error", "error 1 %").excludes(&["samples", "time"]).clauses(&[rule("floor", "floor RADIANCE")]),
     rule("samples", "samples COUNT").excludes(&["error", "time"]),
-    rule("time", "time TIME").excludes(&["error", "samples"]).later(Severity::Error),
+    rule("time", "time 60 s").excludes(&["error", "samples"]),
     rule("seed", "seed COUNT"),
     rule("products", "products NAMES"),
 ];
@@ -46,9 +47,15 @@ const ACCURACY: Accuracy = Accuracy::Error { relative: 0.01, floor: None };
 const SEED: u64 = 1;
 const WRITTEN: Products = Products { radiance: true, truth: true, preview: true, surface_radiance: false };
 const MOST_SAMPLES: u64 = 1 << 24;
+/// Longest time of rendering a run \[s\]: 30 days.
+const LONGEST: f64 = 30.0 * 86_400.0;
 
-/// Whether a `reflectance` line of a child says again one of its parent: both for all, or for the same materials.
+/// Whether a repeatable line of a child says again one of its parent: a `reflectance` for the same materials, or both for
+/// all; a `define` of the same constant.
 pub(super) fn same_selection(old: &Line, new: &Line) -> bool {
+    if old.key == "define" && new.key == "define" {
+        return old.items.first().map(words) == new.items.first().map(words);
+    }
     let materials = |line: &Line| -> Vec<String> {
         let named = line.items.iter().skip_while(|item| !matches!(&item.value, Value::Word(word) if word == "for"));
         named.skip(1).map(|item| format!("{:?}", words(item))).collect()
@@ -75,6 +82,13 @@ pub(super) struct Choice<'s> {
     pub whole: bool,
 }
 
+impl<'s> Choice<'s> {
+    pub(super) fn of(scene: &'s Scene, identities: &'s [Identities], whole: bool) -> Self {
+        let Scene { materials, sensors, collects, atmosphere, .. } = scene;
+        Self { materials, identities, sensors, n_collects: collects.len(), atmosphere, whole }
+    }
+}
+
 /// A line `reflectance split else ideal`, read.
 struct Chain {
     models: Vec<String>,
@@ -86,6 +100,10 @@ impl<'a> Checker<'a> {
     pub(super) fn default_experiment(&mut self, choice: &Choice) -> Experiment {
         Experiment {
             name: "default".to_string(),
+            base: "default".to_string(),
+            sweep: Vec::new(),
+            constants: Vec::new(),
+            order: 0,
             algorithm: self.default_model(Role::Algorithm, "split"),
             atmosphere: choice.atmosphere.clone(),
             weather: None,
@@ -99,8 +117,8 @@ impl<'a> Checker<'a> {
         }
     }
 
-    pub(super) fn experiment(&mut self, entity: &Entity<'a>, body: &Body<'a>, choice: &Choice) -> Experiment {
-        self.in_experiment = true;
+    pub(super) fn experiment(&mut self, entity: &Entity<'a>, run: &Run<'a>, choice: &Choice) -> Experiment {
+        let body = &run.body;
         let algorithm = body.get("algorithm").and_then(|line| self.named_model(&line, Role::Algorithm));
         let atmosphere = body.get("atmosphere").and_then(|line| self.named_model(&line, Role::Atmosphere));
         let mut weather: Option<Weather> = None;
@@ -132,9 +150,14 @@ impl<'a> Checker<'a> {
         let seed = body.get("seed").and_then(|line| self.count(&line, 0, u64::MAX)).unwrap_or(SEED);
         let products = body.get("products").and_then(|line| self.products(&line));
         let models = self.selection(body, choice);
-        self.in_experiment = false;
+        let shown =
+            |checker: &Self, constant: &Redefinition<'a>| (constant.name.to_string(), checker.spelt(constant.value));
         Experiment {
-            name: entity.shown().to_string(),
+            name: run.name.clone(),
+            base: entity.shown().to_string(),
+            sweep: run.sweep.clone(),
+            constants: run.constants.iter().map(|constant| shown(self, constant)).collect(),
+            order: run.order,
             algorithm: algorithm.unwrap_or_else(|| self.default_model(Role::Algorithm, "split")),
             atmosphere: atmosphere.unwrap_or_else(|| choice.atmosphere.clone()),
             weather,
@@ -175,6 +198,10 @@ impl<'a> Checker<'a> {
     fn accuracy(&mut self, body: &Body<'a>) -> Option<Accuracy> {
         if let Some(line) = body.get("samples") {
             return self.count(&line, 1, MOST_SAMPLES).map(|samples| Accuracy::Samples(samples as u32));
+        }
+        if let Some(line) = body.get("time") {
+            let budget = Quantity::new(Dimension::Time).positive(LONGEST).usual("s");
+            return self.quantity(&line, &budget).map(|seconds| Accuracy::Time { seconds });
         }
         let line = body.get("error")?;
         let (items, clauses) = self.clauses(&line);

@@ -11,7 +11,7 @@ use super::names::Kind;
 use super::spectrum::SPECTRUM;
 use super::value::{Quantity, SHARE};
 use super::{Checker, Entity};
-use crate::ast::{Item, Value};
+use crate::ast::{Item, Statement, Value};
 use crate::nearest::list;
 use crate::scene::{Material, ModelUse};
 use crate::{Diagnostic, Severity, Span};
@@ -94,20 +94,22 @@ impl<'a> Checker<'a> {
         out
     }
 
-    /// Whether a material is written in this scene; the others come from the database.
-    pub(super) fn is_written(&mut self, material: &Entity<'a>) -> bool {
-        if material.line.block.is_some() || material.head.said("like") {
-            return true;
+    /// The statement of the database that `material NAME` alone stands for; reported where there is none.
+    pub(super) fn taken(&mut self, name: &str, span: Span) -> Option<&'a Statement> {
+        if self.in_database(name) {
+            return self.from_database(name, span);
         }
-        let name = material.shown().to_string();
-        let near = self.near(&name, self.names.of(Kind::Material).filter(|other| *other != name));
-        let message = format!("`{name}` alone is a material of the database, which comes with a later version");
-        let fault = Diagnostic::error("L01", material.line.span(), message).label("`{ ideal { diffuse 0.1 } }`?");
-        self.report(match near {
-            Some(near) => fault.help(format!("the scene has `{near}`")),
-            None => fault,
-        });
-        false
+        if !self.excused(name) {
+            let own = self.names.of(Kind::Material).filter(|other| *other != name);
+            let known: Vec<String> = own.chain(self.database_names()).map(str::to_string).collect();
+            let near = self.near(name, known.iter().map(String::as_str));
+            let label = near.map_or("`{ ideal { diffuse 0.1 } }`?".to_string(), |near| format!("`{near}`?"));
+            let message = format!("no database has a material `{name}`, and the scene says nothing of it");
+            let fault = Diagnostic::error("N02", span, message).label(label);
+            let have = list(self.database_names());
+            self.report(if have.is_empty() { fault } else { fault.help(format!("databases have {have}")) });
+        }
+        None
     }
 
     /// A material; its files are opened only where it is used.
@@ -121,11 +123,8 @@ impl<'a> Checker<'a> {
         self.opening = used;
         let owner = Owner::new("a material", &entity.line);
         let title = body.get("title").and_then(|line| self.text(&line)).map(|(text, _)| text.to_string());
-        for key in ["source", "licence"] {
-            if let Some(line) = body.get(key) {
-                self.text(&line);
-            }
-        }
+        let mut said = |key| Some(self.text(&body.get(key)?)?.0.to_string());
+        let (source, licence) = (said("source"), said("licence"));
         let mut spans = BTreeMap::new();
         let radiance = Quantity::new(Dimension::Radiance).within(0.0, 1e12);
         let mut spectrum = |checker: &mut Self, key: &'static str, q: &Quantity| {
@@ -190,7 +189,7 @@ impl<'a> Checker<'a> {
         let name = entity.shown().to_string();
         let span = entity.line.span();
         (
-            Material { name, code, title, reflectance, emission, models, used, span, spans },
+            Material { name, code, title, source, licence, reflectance, emission, models, used, span, spans },
             Identities { names: identities, whole },
         )
     }

@@ -54,6 +54,10 @@ impl<'a> Names<'a> {
     pub(super) fn find(&self, kind: Kind, name: &str) -> Option<(usize, Span)> {
         self.known.get(&kind)?.get(name).copied()
     }
+    /// Forgets the names of a kind.
+    pub(super) fn forget(&mut self, kind: Kind) {
+        self.known.remove(&kind);
+    }
     /// The name that was declared with an index.
     pub(super) fn name_of(&self, kind: Kind, index: usize) -> Option<&'a str> {
         self.known.get(&kind)?.iter().find(|(_, (known, _))| *known == index).map(|(name, _)| *name)
@@ -86,7 +90,13 @@ impl<'a> Checker<'a> {
         }
         if !self.excused(name) {
             let fault = Diagnostic::error("N02", span, format!("there is no {} `{name}`", kind.noun()));
-            let near = self.near(name, self.names.of(kind));
+            if kind == Kind::Material && self.in_database(name) {
+                self.report(fault.label(format!("`material {name}` alone takes it from the database")));
+                return None;
+            }
+            let shelved: Vec<String> =
+                if kind == Kind::Material { self.database_names().map(str::to_string).collect() } else { Vec::new() };
+            let near = self.near(name, self.names.of(kind).chain(shelved.iter().map(String::as_str)));
             let elsewhere = Kind::NAMED.iter().find_map(|other| Some((*other, self.names.find(*other, name)?.1)));
             let fault = match (near, elsewhere) {
                 (Some(near), _) => fault.label(format!("`{near}`?")),

@@ -155,14 +155,7 @@ impl<'a> Checker<'a> {
     }
 
     /// The sweeps among the items of a statement; false where one cannot be read.
-    fn scan(
-        &mut self,
-        said: &Line<'a>,
-        items: &'a [Item],
-        line: usize,
-        path: &[usize],
-        out: &mut Vec<Sweep>,
-    ) -> bool {
+    fn scan(&mut self, said: &Line<'a>, items: &'a [Item], line: usize, path: &[usize], out: &mut Vec<Sweep>) -> bool {
         let mut good = true;
         for (i, item) in items.iter().enumerate() {
             if !matches!(&item.value, Value::Word(word) if word == "sweep") {
@@ -365,7 +358,10 @@ impl<'a> Checker<'a> {
         let mut known: BTreeMap<Vec<(&str, String)>, usize> = BTreeMap::from([(Vec::new(), 0)]);
         for run in runs {
             // Paths count from the file that they stand in.
-            let meaning = |item: &Item| format!("{:?} {}", item.span.file, self.spelt(item));
+            let meaning = |item: &Item| match self.spelt(item) {
+                text if text.contains('"') => format!("{:?} {text}", item.span.file),
+                text => text,
+            };
             let mut set: Vec<(&str, String)> = (run.constants.iter())
                 .map(|constant| (constant.name, meaning(constant.value)))
                 .filter(|(name, value)| self.constants.get(name).is_none_or(|(own, _)| meaning(own) != *value))
@@ -393,8 +389,7 @@ impl<'a> Checker<'a> {
         let bytes = own(&scene.world) + scene.objects.iter().map(|object| own(&object.shapes)).sum::<usize>();
         let total = bytes.saturating_mul(n);
         if total > MOST_BYTES {
-            let message =
-                format!("{n} sets of constants make {n} scenes, {:.1} GB of geometry", total as f64 / 1e9);
+            let message = format!("{n} sets of constants make {n} scenes, {:.1} GB of geometry", total as f64 / 1e9);
             let fault = match place {
                 Some(place) => Diagnostic::error("G05", place, message),
                 None => Diagnostic::whole("G05", message),
