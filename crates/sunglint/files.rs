@@ -103,6 +103,36 @@ impl Files {
     }
 }
 
+/// Files with one whose text is given.
+pub(crate) struct Given {
+    path: String,
+    text: Vec<u8>,
+    files: Files,
+}
+
+impl Given {
+    pub(crate) fn new(path: &str, text: String) -> Self {
+        Self { path: path.to_string(), text: text.into_bytes(), files: Files::default() }
+    }
+
+    pub(crate) fn into_files(self) -> Files {
+        self.files
+    }
+}
+
+impl Loader for Given {
+    fn read(&mut self, path: &str, from: &str) -> Result<Loaded, LoadError> {
+        if from.is_empty() && path == self.path {
+            return Ok(Loaded { path: self.path.clone(), bytes: self.text.as_slice().into() });
+        }
+        self.files.read(path, from)
+    }
+
+    fn list(&mut self, path: &str, from: &str) -> Result<Vec<String>, LoadError> {
+        self.files.list(path, from)
+    }
+}
+
 fn nearest_in_folder(path: &Path) -> Option<String> {
     let name = path.file_name()?.to_string_lossy().into_owned();
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -16,6 +16,7 @@ mod explain;
 mod files;
 mod frames;
 mod grid;
+pub mod inspection;
 mod plan;
 pub mod plot;
 mod products;
@@ -33,8 +34,8 @@ pub use comparison::{
 pub use explain::{ExplainedBand, ExplainedHit, Explanation, explain};
 pub use files::Files;
 pub use frames::{Frame, Frames};
-pub use products::{Image, ImageBand, ReadError, Samples, read_image};
 pub use plan::{LeftOut, Options, Plan, Run, Skip};
+pub use products::{Image, ImageBand, ReadError, Samples, read_image, write_whole};
 pub use render::{Progress, RenderError, Rendered, moments_json, rays_json, render, skips_json};
 pub use report::{render as render_diagnostics, to_json as diagnostics_to_json};
 pub use selection::Crop;
@@ -84,12 +85,31 @@ impl std::error::Error for Refused {}
 /// Reads and checks a scene, and reports all that can be found in one go.
 pub fn check(path: impl AsRef<Path>) -> Checked {
     let mut files = Files::default();
+    check_by(&path.as_ref().to_string_lossy(), &mut files).with(files)
+}
+
+/// Checks a text as if it stood in a file of this path, which need not exist; the files that it names are read beside it.
+pub fn check_text(path: &str, text: impl Into<String>) -> Checked {
+    let mut given = files::Given::new(path, text.into());
+    check_by(path, &mut given).with(given.into_files())
+}
+
+/// What a check finds, before the files that it read are handed over.
+struct Findings(Option<dsl::Scene>, Sources, Vec<Diagnostic>);
+
+impl Findings {
+    fn with(self, files: Files) -> Checked {
+        let Self(scene, sources, diagnostics) = self;
+        Checked { scene, sources, diagnostics, files }
+    }
+}
+
+fn check_by(path: &str, loader: &mut dyn dsl::Loader) -> Findings {
     let mut sources = Sources::default();
     let mut diagnostics = Vec::new();
-    let shown = path.as_ref().to_string_lossy();
-    let ast = dsl::parse(&shown, &mut files, &mut sources, &mut diagnostics);
-    let scene = dsl::check(&ast, &mut sources, &catalog(), &mut files, &mut diagnostics);
-    Checked { scene, sources, diagnostics, files }
+    let ast = dsl::parse(path, loader, &mut sources, &mut diagnostics);
+    let scene = dsl::check(&ast, &mut sources, &catalog(), loader, &mut diagnostics);
+    Findings(scene, sources, diagnostics)
 }
 
 /// Reads and checks a scene that is to be run.

@@ -42,6 +42,8 @@ pub struct Options {
     pub crop: Option<Crop>,
     /// Factor on every sensor's own pixels, where `pixels` says nothing.
     pub scale: Option<f64>,
+    /// The air is solved for all that it can tell, not only for what the algorithm asks.
+    pub whole_sky: bool,
 }
 
 /// Something that will not be computed, and why.
@@ -394,7 +396,15 @@ impl Planner<'_> {
             return None;
         }
         let scenery = scenery?;
-        let needs = algorithm.needs(&scenery);
+        let needs = match self.options.whole_sky {
+            true => Needs {
+                direct_beam: true,
+                diffuse_irradiance: true,
+                directional_sky: provider.has_directional_sky(),
+                path: true,
+            },
+            false => algorithm.needs(&scenery),
+        };
         let albedo = match algorithm.lighting().adjacency {
             true => ground_albedo(scene, world, &scenery, grid.len()),
             false => vec![0.0; grid.len()],

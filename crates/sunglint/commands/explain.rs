@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Args;
-use sunglint::{Options, Run, explain, iso, parse_utc};
+use sunglint::inspection::time_of;
+use sunglint::{Options, explain};
 
 use super::{Failure, Outcome, plan_of, print, print_json};
 
@@ -53,7 +54,7 @@ impl Explain {
         if self.pixel.0 >= w || self.pixel.1 >= h {
             return Err(Failure::BadInput(format!("the image has pixels 0,0 to {},{}", w - 1, h - 1)));
         }
-        let time = self.time(run)?;
+        let time = time_of(run, self.at.as_deref()).map_err(Failure::BadInput)?;
         let explanation = explain(run, self.pixel, time, &plan.materials);
         if self.json {
             print_json(&explanation.to_json())
@@ -61,21 +62,5 @@ impl Explain {
             print(&explanation)
         }
         Ok(ExitCode::SUCCESS)
-    }
-
-    fn time(&self, run: &Run) -> Result<usize, Failure> {
-        let Some(at) = &self.at else {
-            let height = |i: &usize| run.moments[*i].sun.as_ref().map_or(-1.0, |sun| sun.apparent.cos_zenith());
-            return Ok((0..run.moments.len()).max_by(|a, b| height(a).total_cmp(&height(b))).unwrap_or(0));
-        };
-        if let Some(i) = run.moments.iter().position(|moment| moment.label == *at) {
-            return Ok(i);
-        }
-        let utc = parse_utc(at).map_err(Failure::BadInput)?;
-        let same = |known: sunglint::dsl::scene::Utc| (known.0 - utc.0).abs() < 0.5;
-        run.moments.iter().position(|moment| moment.utc.is_some_and(same)).ok_or_else(|| {
-            let known: Vec<String> = run.moments.iter().map(|m| m.utc.map_or_else(|| m.label.clone(), iso)).collect();
-            Failure::BadInput(format!("no frame is collected at {at}; there are: {}", known.join(", ")))
-        })
     }
 }

@@ -1,20 +1,26 @@
 //! The commands, one file each.
 
+mod atmosphere;
 mod check;
 mod completions;
 mod explain;
+mod materials;
 mod models;
 mod new;
 mod plan;
+mod reflectance;
 mod render;
 mod sun;
 
 use std::fmt;
 use std::io::{IsTerminal, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use clap::{Parser, Subcommand};
+use sunglint::inspection::InspectionError;
+use sunglint::plot::{Format, Picture};
+use sunglint::plugin::Column;
 use sunglint::{Diagnostic, Options, Plan, Refused, Severity, Sources};
 
 /// Radiometrically correct synthetic images of outdoor scenes, 0.4–1.0 µm.
@@ -48,6 +54,9 @@ enum Command {
     Render(render::Render),
     Explain(explain::Explain),
     Sun(sun::Sun),
+    Atmosphere(atmosphere::Atmosphere),
+    Reflectance(reflectance::Reflectance),
+    Materials(materials::Materials),
     Models(models::Models),
     Completions(completions::Completions),
 }
@@ -68,6 +77,15 @@ impl From<Refused> for Failure {
     }
 }
 
+impl From<InspectionError> for Failure {
+    fn from(error: InspectionError) -> Self {
+        match error {
+            InspectionError::Refused(refused) => Self::Refused(refused),
+            InspectionError::Input(message) => Self::BadInput(message),
+        }
+    }
+}
+
 type Outcome = Result<ExitCode, Failure>;
 
 /// Parses the command line and runs the command.
@@ -85,6 +103,9 @@ pub fn run() -> ExitCode {
         Command::Render(command) => command.run(quiet),
         Command::Explain(command) => command.run(quiet),
         Command::Sun(command) => command.run(),
+        Command::Atmosphere(command) => command.run(quiet),
+        Command::Reflectance(command) => command.run(quiet),
+        Command::Materials(command) => command.run(quiet),
         Command::Models(command) => command.run(),
         Command::Completions(command) => command.run(),
     };
@@ -163,6 +184,41 @@ impl Only {
         }
         Ok(options)
     }
+}
+
+/// Rows of numbers from a CSV file, in canonical units.
+fn read_rows(path: &Path, columns: &'static [Column]) -> Result<Vec<Vec<f64>>, Failure> {
+    const LARGEST: u64 = 64 << 20;
+    let bad = |message: String| Failure::BadInput(format!("{}: {message}", path.display()));
+    let size = std::fs::metadata(path).map_err(|error| bad(error.to_string()))?.len();
+    if size > LARGEST {
+        return Err(bad(format!("{size} bytes; at most {LARGEST} are read")));
+    }
+    let bytes = std::fs::read(path).map_err(|error| bad(error.to_string()))?;
+    let text = String::from_utf8(bytes).map_err(|_| bad("this is no UTF-8 text".into()))?;
+    let table = sunglint::dsl::table::read_table(&text, columns).map_err(|error| {
+        let help = error.help.as_ref().map_or(String::new(), |help| format!("; {help}"));
+        bad(format!("{error}{help}"))
+    })?;
+    Ok(table.rows)
+}
+
+/// Writes pictures, all of whose formats were looked at before.
+fn write_pictures(pictures: &[(&Path, Picture)], quiet: bool) -> Result<(), Failure> {
+    for (path, picture) in pictures {
+        picture.write(path).map_err(|error| Failure::Unfinished(error.to_string()))?;
+        if !quiet {
+            note(&format!("wrote {}", path.display()));
+        }
+    }
+    Ok(())
+}
+
+/// A file of a plot: `.svg` or `.png`.
+fn parse_plot(text: &str) -> Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    Format::of(&path)?;
+    Ok(path)
 }
 
 /// `640x480`

@@ -1,0 +1,150 @@
+//! `atmosphere SCENE`: what the air does at one time.
+
+use std::f64::consts::{FRAC_PI_2, TAU};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::{Args, ValueEnum};
+use sunglint::inspection::{air, air_chart, air_plan, sky_picture, time_of, unknown_name};
+use sunglint::plot::{Picture, Projection};
+use sunglint::plugin::Column;
+use sunglint::radiometry::Dimension;
+use sunglint::{Run, write_whole};
+
+use super::{Failure, Outcome, note, parse_plot, print, print_json, read_rows, report, write_pictures};
+
+const DIRECTIONS: &[Column] = &[
+    Column { name: "zenith", dimension: Dimension::Angle, range: (0.0, FRAC_PI_2) },
+    Column { name: "azimuth", dimension: Dimension::Angle, range: (-TAU, TAU) },
+];
+
+/// What the air does at one time: sunlight, skylight, transmittance and path radiance
+#[derive(Args)]
+#[command(after_help = "\
+A band's transmittance is that of sunlight, <E_s tau>/<E_s>; its other values are response-weighted means.
+
+Examples:
+  sunglint atmosphere examples/truth/truth.glint --at 1992-06-18T16:00:00Z
+  sunglint atmosphere examples/minimal/minimal.glint --plot light.svg --fisheye sky.png
+  sunglint atmosphere examples/minimal/minimal.glint --directions sky.csv --json")]
+pub struct Atmosphere {
+    /// The scene
+    scene: PathBuf,
+    /// The time: an instant, collected by the scene or not, or a frame's name [default: the one with the highest sun]
+    #[arg(long, value_name = "T")]
+    at: Option<String>,
+    /// The experiment [default: the first]
+    #[arg(long)]
+    experiment: Option<String>,
+    /// The sensor whose wavelengths and bands are shown [default: the first, and every sensor's bands]
+    #[arg(long)]
+    sensor: Option<String>,
+    /// Directions of the sky: a CSV file with columns zenith_deg, azimuth_deg
+    #[arg(long, value_name = "FILE.csv")]
+    directions: Option<PathBuf>,
+    /// As JSON
+    #[arg(long)]
+    json: bool,
+    /// Write the spectra as CSV
+    #[arg(long, value_name = "FILE.csv")]
+    csv: Option<PathBuf>,
+    /// Plot the spectra, as .svg or .png
+    #[arg(long, value_name = "FILE", value_parser = parse_plot)]
+    plot: Option<PathBuf>,
+    /// Picture of the sky as seen from below (north up, east left), as .png or .svg
+    #[arg(long, value_name = "FILE", value_parser = parse_plot)]
+    fisheye: Option<PathBuf>,
+    /// Band of the fisheye picture [default: the first]
+    #[arg(long)]
+    band: Option<String>,
+    /// Projection of the fisheye picture
+    #[arg(long, value_enum, default_value_t = Layout::Equidistant)]
+    projection: Layout,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum Layout {
+    /// Zenith angle in proportion to the distance from the middle
+    Equidistant,
+    /// Equal solid angles have equal areas
+    EqualArea,
+}
+
+impl Atmosphere {
+    pub fn run(&self, quiet: bool) -> Outcome {
+        let bad = Failure::BadInput;
+        let directions: Vec<(f64, f64)> = match &self.directions {
+            Some(path) => read_rows(path, DIRECTIONS)?.into_iter().map(|row| (row[0], row[1])).collect(),
+            None => Vec::new(),
+        };
+        if directions.len() > 10_000 {
+            return Err(bad("at most 10000 directions are looked at in one go".into()));
+        }
+        let plan = air_plan(&self.scene, self.experiment.as_deref(), self.at.as_deref())?;
+        if !quiet && !self.json {
+            report(&plan.warnings, &plan.sources);
+        }
+        let runs: Vec<&Run> = match &self.sensor {
+            None => plan.runs().iter().collect(),
+            Some(wanted) => {
+                let found: Vec<&Run> = plan.runs().iter().filter(|run| run.sensor == *wanted).collect();
+                if found.is_empty() {
+                    let names: Vec<&str> = plan.runs().iter().map(|run| run.sensor.as_str()).collect();
+                    return Err(bad(unknown_name("sensor", wanted, &names)));
+                }
+                found
+            }
+        };
+        let first = runs[0]; // a plan has a run
+        let time = match time_of(first, self.at.as_deref()) {
+            Ok(time) => time,
+            // The instant took the place of the scene's times; several collection sets may share it.
+            Err(_) if self.at.as_deref().is_some_and(|at| sunglint::parse_utc(at).is_ok()) => 0,
+            Err(message) => return Err(bad(message)),
+        };
+        let frame = first.moments[time].label.clone();
+        let Some(air) = air(&runs, &frame, &directions) else {
+            return Err(bad(format!("no sensor takes the frame {frame}")));
+        };
+        let mut pictures: Vec<(&Path, Picture)> = Vec::new();
+        if let Some(path) = &self.plot {
+            pictures.push((path, air_chart(&air)));
+        }
+        if let Some(path) = &self.fisheye {
+            pictures.push((path, self.sky(&runs, &frame)?));
+        }
+        if let Some(path) = &self.csv {
+            let text = air.to_csv();
+            write_whole(path, |out| out.write_all(text.as_bytes())).map_err(|e| Failure::Unfinished(e.to_string()))?;
+            if !quiet {
+                note(&format!("wrote {}", path.display()));
+            }
+        }
+        write_pictures(&pictures, quiet)?;
+        if self.json {
+            print_json(&air.to_json())
+        } else {
+            print(&air)
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
+    fn sky(&self, runs: &[&Run], frame: &str) -> Result<Picture, Failure> {
+        let projection = match self.projection {
+            Layout::Equidistant => Projection::Equidistant,
+            Layout::EqualArea => Projection::EqualArea,
+        };
+        let mut names = Vec::new();
+        for run in runs {
+            let Some(time) = run.moments.iter().position(|moment| moment.label == frame) else { continue };
+            for (c, channel) in run.channels.channels().iter().enumerate() {
+                if self.band.as_ref().is_none_or(|wanted| channel.name == *wanted) {
+                    return Ok(sky_picture(run, time, c, projection));
+                }
+                names.push(channel.name.as_str());
+            }
+        }
+        Err(Failure::BadInput(unknown_name("band", self.band.as_deref().unwrap_or_default(), &names)))
+    }
+}
