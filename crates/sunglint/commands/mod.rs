@@ -1,6 +1,7 @@
 //! The commands, one file each.
 
 mod check;
+mod compare;
 mod completions;
 mod explain;
 mod models;
@@ -8,6 +9,7 @@ mod new;
 mod plan;
 mod render;
 mod sun;
+mod test;
 
 use std::fmt;
 use std::io::{IsTerminal, Write};
@@ -48,6 +50,8 @@ enum Command {
     Render(render::Render),
     Explain(explain::Explain),
     Sun(sun::Sun),
+    Test(test::Test),
+    Compare(compare::Compare),
     Models(models::Models),
     Completions(completions::Completions),
 }
@@ -85,6 +89,8 @@ pub fn run() -> ExitCode {
         Command::Render(command) => command.run(quiet),
         Command::Explain(command) => command.run(quiet),
         Command::Sun(command) => command.run(),
+        Command::Test(command) => command.run(quiet),
+        Command::Compare(command) => command.run(quiet),
         Command::Models(command) => command.run(),
         Command::Completions(command) => command.run(),
     };
