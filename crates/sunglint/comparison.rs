@@ -1,9 +1,12 @@
 //! Images against images: what differs, band by band and material by material.
 
+mod figures;
+
 use std::collections::BTreeMap;
 
 use serde_json::{Value, json};
 
+pub use self::figures::{before_after_picture, difference_picture, scatter_picture};
 use crate::products::{Image, ImageBand};
 
 /// Bands are the same by wavelength within this or half the wider one's width \[µm\].
@@ -285,7 +288,9 @@ pub fn compare_images(a: &Image, b: &Image, beside: Beside<'_>, only: &[String])
     }
     let pairing = pair_bands(&a.bands, &b.bands, only)?;
     let bands = (pairing.pairs.iter())
-        .map(|&(i, j)| compare_bands(&a.bands[i], &b.bands[j], &errors(beside, a, b, (i, j)), beside.materials, a.width))
+        .map(|&(i, j)| {
+            compare_bands(&a.bands[i], &b.bands[j], &errors(beside, a, b, (i, j)), beside.materials, a.width)
+        })
         .collect();
     Ok(Comparison { pairing, bands })
 }
@@ -356,9 +361,8 @@ fn by_wavelength(wanted: &[usize], a: &[ImageBand], b: &[ImageBand]) -> Vec<(usi
     let distance = |i: usize, j: usize| Some((a[i].wavelength_um? - b[j].wavelength_um?).abs());
     (wanted.iter())
         .filter_map(|&i| {
-            let (j, far) = (0..b.len())
-                .filter_map(|j| Some((j, distance(i, j)?)))
-                .min_by(|x, y| x.1.total_cmp(&y.1))?;
+            let (j, far) =
+                (0..b.len()).filter_map(|j| Some((j, distance(i, j)?))).min_by(|x, y| x.1.total_cmp(&y.1))?;
             let width = a[i].fwhm_um.unwrap_or(0.0).max(b[j].fwhm_um.unwrap_or(0.0));
             (far <= NEAR_UM.max(0.5 * width) + 1e-9).then_some((i, j))
         })
@@ -494,8 +498,7 @@ fn compare_bands(
             continue;
         }
         let pixel = i as u64;
-        let worst =
-            Worst { x: (pixel % u64::from(width)) as u32, y: (pixel / u64::from(width)) as u32, a: va, b: vb };
+        let worst = Worst { x: (pixel % u64::from(width)) as u32, y: (pixel / u64::from(width)) as u32, a: va, b: vb };
         let variance = (!errors.is_empty()).then(|| errors.iter().map(|error| error.samples.get(i).powi(2)).sum());
         all.add(worst, variance);
         differences.push((vb - va).abs() as f32);

@@ -24,12 +24,13 @@ mod render;
 mod report;
 mod scenery;
 mod selection;
+mod snapshot;
 mod times;
 
 pub use catalog::catalog;
 pub use comparison::{
     BandComparison, Beside, CompareError, Comparison, Materials, OfMaterial, PairedBy, Pairing, Statistics, Worst,
-    compare_images, pair_bands,
+    before_after_picture, compare_images, difference_picture, pair_bands, scatter_picture,
 };
 pub use explain::{ExplainedBand, ExplainedHit, Explanation, explain};
 pub use files::Files;
@@ -39,6 +40,7 @@ pub use products::{Image, ImageBand, ReadError, Samples, read_image, write_whole
 pub use render::{Progress, RenderError, Rendered, moments_json, rays_json, render, skips_json};
 pub use report::{render as render_diagnostics, to_json as diagnostics_to_json};
 pub use selection::Crop;
+pub use snapshot::{FoundScenes, SnapshotError, TestOutcome, TestedRun, TestedScene, find_scenes, test_scene};
 pub use sunglint_dsl::{Diagnostic, Severity, Sources};
 pub use times::{Moment, iso, parse_utc, sun_at};
 

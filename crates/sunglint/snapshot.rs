@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use serde_json::json;
 use sunglint_dsl::Sources;
 
-use crate::comparison::{BandComparison, Beside, Materials, compare_images};
+use crate::comparison::{BandComparison, Beside, Materials, before_after_picture, compare_images};
 use crate::plan::{Options, Plan, Run};
 use crate::products::{Image, ImageBand, Raster, RasterChannel, Samples, read_image, write_exr, write_whole};
 use crate::{Files, Frames, Refused};
@@ -48,7 +48,8 @@ pub fn find_scenes(folder: &Path) -> io::Result<FoundScenes> {
 
 fn find_within(folder: &Path, depth: usize, found: &mut FoundScenes) -> io::Result<()> {
     let named = |error: io::Error| io::Error::new(error.kind(), format!("{}: {error}", folder.display()));
-    let mut entries: Vec<fs::DirEntry> = fs::read_dir(folder).map_err(named)?.collect::<io::Result<_>>().map_err(named)?;
+    let mut entries: Vec<fs::DirEntry> =
+        fs::read_dir(folder).map_err(named)?.collect::<io::Result<_>>().map_err(named)?;
     entries.sort_by_key(fs::DirEntry::file_name);
     for entry in entries {
         let (path, name) = (entry.path(), entry.file_name());
@@ -361,11 +362,8 @@ fn write_snapshot(scene: &Path, at: &Path, run: &Run, now: &Now) -> io::Result<(
     channels.push(RasterChannel { name: CODES.into(), unit: "1", centre_nm: None, fwhm_nm: None, data: &codes });
     let raster = Raster { width: now.image.width, height: now.image.height, channels };
     let names: Vec<String> = now.materials.names.iter().map(|(code, name)| format!("{code} {name}")).collect();
-    let attributes = [
-        ("experiment", run.experiment.clone()),
-        ("sensor", run.sensor.clone()),
-        ("materials", names.join("; ")),
-    ];
+    let attributes =
+        [("experiment", run.experiment.clone()), ("sensor", run.sensor.clone()), ("materials", names.join("; "))];
     write_exr(&at.with_extension("exr"), &raster, &attributes)?;
     let text = summary(scene, run, now);
     write_whole(&at.with_extension("json"), |file| file.write_all(text.as_bytes()))
@@ -406,4 +404,12 @@ fn summary(scene: &Path, run: &Run, now: &Now) -> String {
         json!(UNIT),
         rows.join(",\n")
     )
+}
+
+/// Before, after and difference of a band.
+fn draw(path: &Path, band: &BandComparison, before: &Image, now: &Image) -> io::Result<()> {
+    match (before.band(&band.name_a), now.band(&band.name_b)) {
+        (Some(a), Some(b)) => before_after_picture(band, &a.samples, &b.samples, now.width).write(path),
+        _ => Ok(()),
+    }
 }

@@ -2,6 +2,7 @@
 
 mod atmosphere;
 mod check;
+mod compare;
 mod completions;
 mod explain;
 mod materials;
@@ -11,6 +12,7 @@ mod plan;
 mod reflectance;
 mod render;
 mod sun;
+mod test;
 
 use std::fmt;
 use std::io::{IsTerminal, Write};
@@ -57,6 +59,8 @@ enum Command {
     Atmosphere(atmosphere::Atmosphere),
     Reflectance(reflectance::Reflectance),
     Materials(materials::Materials),
+    Test(test::Test),
+    Compare(compare::Compare),
     Models(models::Models),
     Completions(completions::Completions),
 }
@@ -106,6 +110,8 @@ pub fn run() -> ExitCode {
         Command::Atmosphere(command) => command.run(quiet),
         Command::Reflectance(command) => command.run(quiet),
         Command::Materials(command) => command.run(quiet),
+        Command::Test(command) => command.run(quiet),
+        Command::Compare(command) => command.run(quiet),
         Command::Models(command) => command.run(),
         Command::Completions(command) => command.run(),
     };

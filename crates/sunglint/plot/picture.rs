@@ -26,6 +26,9 @@ impl Rect {
     pub fn height(&self) -> f64 {
         self.bottom - self.top
     }
+    fn moved(self, (x, y): Point) -> Self {
+        Self { left: self.left + x, top: self.top + y, right: self.right + x, bottom: self.bottom + y }
+    }
 }
 
 /// Which point of a text is placed.
@@ -94,6 +97,19 @@ pub(super) enum Mark {
     },
 }
 
+impl Mark {
+    fn moved(mut self, (x, y): Point) -> Self {
+        match &mut self {
+            Self::Line { points, .. } | Self::Area { points, .. } => {
+                points.iter_mut().for_each(|point| *point = (point.0 + x, point.1 + y));
+            }
+            Self::Disk { centre: at, .. } | Self::Text { at, .. } => *at = (at.0 + x, at.1 + y),
+            Self::Image { place, .. } => *place = place.moved((x, y)),
+        }
+        self
+    }
+}
+
 /// Format of a plot's file, by its ending.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Format {
@@ -130,6 +146,22 @@ pub struct Picture {
 impl Picture {
     pub(super) fn new(title: &str, width: f64, height: f64) -> Self {
         Self { title: title.to_string(), width: width.ceil(), height: height.ceil(), marks: Vec::new() }
+    }
+
+    /// Pictures in rows of `columns`, each cell as large as the largest of them.
+    pub fn grid(pictures: Vec<Picture>, columns: usize) -> Picture {
+        let columns = columns.clamp(1, pictures.len().max(1));
+        let largest = |of: fn(&Picture) -> f64| pictures.iter().map(of).fold(0.0, f64::max);
+        let (width, height) = (largest(|picture| picture.width), largest(|picture| picture.height));
+        let titles: Vec<&str> = pictures.iter().map(|picture| picture.title.as_str()).collect();
+        let rows = pictures.len().div_ceil(columns);
+        let mut grid = Picture::new(&titles.join("; "), width * columns as f64, height * rows as f64);
+        for (i, picture) in pictures.into_iter().enumerate() {
+            let by = ((i % columns) as f64 * width, (i / columns) as f64 * height);
+            let moved = |(mark, clip): (Mark, Option<Rect>)| (mark.moved(by), clip.map(|rect| rect.moved(by)));
+            grid.marks.extend(picture.marks.into_iter().map(moved));
+        }
+        grid
     }
 
     pub(super) fn draw(&mut self, mark: Mark) {

@@ -186,7 +186,10 @@ fn weigh(path: &Path, width: u64, height: u64, bands: u64, bytes: u64) -> Result
         _ => Err(ReadError::format(
             path,
             None,
-            format!("{width} x {height} pixels in {bands} bands take more than the {} GiB that are read", MOST_BYTES >> 30),
+            format!(
+                "{width} x {height} pixels in {bands} bands take more than the {} GiB that are read",
+                MOST_BYTES >> 30
+            ),
         )),
     }
 }

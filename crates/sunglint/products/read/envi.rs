@@ -24,7 +24,8 @@ pub fn files(path: &Path, start: &[u8]) -> Option<(PathBuf, PathBuf)> {
         let stem = path.with_extension("");
         let endings = ["", "img", "dat", "bsq", "bil", "bip", "raw", "bin"];
         // `x.img.hdr` belongs to `x.img`, `x.hdr` to `x.img` or another of its kin.
-        let found = endings.iter().map(|ending| if ending.is_empty() { stem.clone() } else { stem.with_extension(ending) });
+        let found =
+            endings.iter().map(|ending| if ending.is_empty() { stem.clone() } else { stem.with_extension(ending) });
         let data = found.into_iter().find(|data| data.is_file() && data != path);
         return Some((path.to_path_buf(), data.unwrap_or_else(|| stem.with_extension("img"))));
     }
@@ -193,7 +194,11 @@ impl<'p> Fields<'p> {
             if value.starts_with('{') {
                 while !value.ends_with('}') {
                     let Some((j, more)) = lines.next() else {
-                        return Err(ReadError::format(path, Some(i + 1), format!("the brace of `{key}` is not closed")));
+                        return Err(ReadError::format(
+                            path,
+                            Some(i + 1),
+                            format!("the brace of `{key}` is not closed"),
+                        ));
                     };
                     last = j + 1;
                     value.push(' ');

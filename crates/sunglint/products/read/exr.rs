@@ -67,7 +67,8 @@ fn check(path: &Path, headers: &[Header], size: (usize, usize), bytes: u64) -> R
         if own != size {
             return fail(format!("its parts differ in size: {} x {} and {} x {}", size.0, size.1, own.0, own.1));
         }
-        if let Some(channel) = header.channels.list.iter().find(|channel| channel.sampling.0 * channel.sampling.1 != 1) {
+        if let Some(channel) = header.channels.list.iter().find(|channel| channel.sampling.0 * channel.sampling.1 != 1)
+        {
             return fail(format!("channel `{}` is subsampled, which is not read", channel.name));
         }
         channels += header.channels.list.len() as u64;
