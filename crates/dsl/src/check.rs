@@ -345,7 +345,7 @@ impl<'a> Checker<'a> {
     /// material.
     fn world(&mut self, top: &Body<'a>) -> (Scene, Vec<Identities>) {
         self.names.forget(Kind::Placement);
-        (self.placements, self.ground_height, self.opening) = (0, None, true);
+        (self.placements, self.opening) = (0, true);
         let title = top.get("scene").and_then(|line| self.text(&line)).map(|(title, _)| title.to_string());
         let site = self.site(top);
         let weathers = self.weathers(top);

@@ -184,14 +184,24 @@ impl<'a> Checker<'a> {
     /// The items of a sweep's list, each with its unit and its name.
     fn values(&mut self, sweep: Span, list: Option<&'a Item>) -> Option<Vec<(Item, String)>> {
         let given = list.map(|item| self.resolve(item, &[]));
-        let Some((list, given)) = list.zip(given).filter(|(_, given)| matches!(given.value, Value::List { .. })) else {
+        let is_list = |value: &Value| matches!(value, Value::List { .. } | Value::Runs { .. });
+        let Some((list, given)) = list.zip(given).filter(|(_, given)| is_list(given.value)) else {
             if !self.spoilt(sweep) {
                 let fault = Diagnostic::error("X02", sweep, "`sweep` takes a list of values");
                 self.report(fault.label("`sweep [5, 10, 23] km`?"));
             }
             return None;
         };
-        let Value::List { rows, unit } = given.value else { return None };
+        let packed: Vec<Vec<Item>>;
+        let (rows, unit) = match given.value {
+            Value::List { rows, unit } => (rows, unit),
+            Value::Runs { runs, unit } => {
+                let text = &self.sources.get(runs.file()).text;
+                packed = (0..runs.len()).map(|i| vec![runs.item(i, text)]).collect();
+                (&packed, unit)
+            }
+            _ => return None,
+        };
         let mut values: Vec<Item> = Vec::with_capacity(rows.len());
         for row in rows {
             match row.as_slice() {
@@ -256,7 +266,7 @@ impl<'a> Checker<'a> {
             Value::Range { .. } => Some("a range"),
             Value::Grid(..) => Some("a number of columns and rows"),
             Value::Points { .. } => Some("a vector"),
-            Value::List { .. } => Some("a list"),
+            Value::List { .. } | Value::Runs { .. } => Some("a list"),
             Value::Text(_) => Some("a string"),
             Value::Moment { .. } => Some("a time"),
         };
@@ -307,8 +317,8 @@ impl<'a> Checker<'a> {
                 continue;
             }
             let key = Word { text: line.key.to_string(), span: line.key_span };
-            let mut statement =
-                Statement { key, items: line.items.to_vec(), block: line.block.cloned(), span: line.span() };
+            let (items, block) = (line.items.to_vec(), line.block.cloned());
+            let mut statement = Statement { key, items, block, span: line.span(), again: None };
             // From the right, so that the places to the left stay.
             own.sort_by_key(|(place, _)| std::cmp::Reverse(place.item));
             for (place, item) in own {
