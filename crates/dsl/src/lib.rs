@@ -4,6 +4,7 @@
 pub mod ast;
 mod check;
 mod diagnostic;
+mod format;
 mod loader;
 mod nearest;
 mod parse;
@@ -12,8 +13,9 @@ pub mod scene;
 mod source;
 pub mod table;
 
-pub use check::check;
+pub use check::{check, keywords};
 pub use diagnostic::{Diagnostic, Severity};
+pub use format::format;
 pub use loader::{LoadError, Loaded, Loader};
 pub use nearest::nearest;
 pub use parse::{MAX_DEPTH, VERSION, parse};

@@ -3,13 +3,14 @@
 mod check;
 mod completions;
 mod explain;
+mod fmt;
 mod models;
 mod new;
 mod plan;
 mod render;
 mod sun;
 
-use std::fmt;
+use std::fmt::Display;
 use std::io::{IsTerminal, Write};
 use std::path::Path;
 use std::process::ExitCode;
@@ -44,6 +45,7 @@ struct Cli {
 enum Command {
     New(new::New),
     Check(check::Check),
+    Fmt(fmt::Fmt),
     Plan(plan::PlanScene),
     Render(render::Render),
     Explain(explain::Explain),
@@ -81,6 +83,7 @@ pub fn run() -> ExitCode {
     let outcome = match cli.command {
         Command::New(command) => command.run(quiet),
         Command::Check(command) => command.run(quiet),
+        Command::Fmt(command) => command.run(quiet),
         Command::Plan(command) => command.run(quiet),
         Command::Render(command) => command.run(quiet),
         Command::Explain(command) => command.run(quiet),
@@ -117,7 +120,7 @@ fn note(line: &str) {
 }
 
 /// Text on the output stream; a reader that has gone is no fault.
-fn print(text: impl fmt::Display) {
+fn print(text: impl Display) {
     let _ = write!(std::io::stdout(), "{text}");
 }
 
