@@ -162,6 +162,45 @@ fn check_reports_as_json() {
     assert!(first["line"].is_u64() && first["column"].is_u64() && first["file"].is_string());
 }
 
+/// What `fmt` may do to files: lay out, say so, or refuse and leave them; `-` goes through the streams.
+#[test]
+fn fmt_lays_files_out_or_leaves_them() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (loose, good, bad) =
+        (folder.path().join("loose.glint"), folder.path().join("good.glint"), folder.path().join("bad.glint"));
+    let write = |path: &Path, content: &str| std::fs::write(path, content).expect("a written file");
+    let read = |path: &Path| std::fs::read_to_string(path).expect("a readable file");
+    write(&loose, "a   1,b 2 # why\r\n");
+    write(&good, "glint 1\na 1\n");
+    write(&bad, "a {");
+    let laid_out = "glint 1\na 1\nb 2       # why\n";
+
+    let check = sunglint(&["fmt", "--check", text(&good), text(&loose)]);
+    assert_eq!(check.status.code(), Some(1));
+    assert_eq!(String::from_utf8_lossy(&check.stdout), format!("{}\n", loose.display()));
+    let shown = sunglint(&["fmt", "--stdout", text(&loose)]);
+    assert_eq!((shown.status.code(), String::from_utf8_lossy(&shown.stdout).as_ref()), (Some(0), laid_out));
+    assert_eq!(read(&loose), "a   1,b 2 # why\r\n");
+
+    let all = sunglint(&["fmt", text(&loose), text(&bad), text(&good)]);
+    assert_eq!(all.status.code(), Some(2));
+    assert!(stderr(&all).contains("S01"), "{}", stderr(&all));
+    assert_eq!((read(&loose).as_str(), read(&bad).as_str(), read(&good).as_str()), (laid_out, "a {", "glint 1\na 1\n"));
+    assert_eq!(sunglint(&["fmt", "--check", text(&good), text(&loose)]).status.code(), Some(0));
+    assert_eq!(sunglint(&["fmt", text(&folder.path().join("none.glint"))]).status.code(), Some(2));
+    assert_eq!(files(folder.path()).len(), 3);
+
+    let mut child = Command::new(env!("CARGO_BIN_EXE_sunglint"))
+        .args(["fmt", "-"])
+        .stdin(std::process::Stdio::piped())
+        .stdout(std::process::Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    std::io::Write::write_all(&mut child.stdin.take().expect("a stream"), b"a   1").expect("a reader");
+    let piped = child.wait_with_output().expect("an end");
+    assert_eq!((piped.status.code(), piped.stdout.as_slice()), (Some(0), b"glint 1\na 1\n".as_slice()));
+}
+
 #[test]
 fn the_sun_is_printed_with_units_in_the_keys() {
     let at =

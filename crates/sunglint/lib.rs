@@ -53,6 +53,7 @@ pub use sunglint_reflectance as reflectance;
 pub use sunglint_sensor as sensor;
 pub use sunglint_tracer as tracer;
 
+use std::io::Write;
 use std::path::Path;
 
 /// A scene that was read and checked, with everything a diagnostic may point into.
@@ -112,6 +113,28 @@ fn check_by(path: &str, loader: &mut dyn dsl::Loader) -> Findings {
     let ast = dsl::parse(path, loader, &mut sources, &mut diagnostics);
     let scene = dsl::check(&ast, &mut sources, &catalog(), loader, &mut diagnostics);
     Findings(scene, sources, diagnostics)
+}
+
+/// The text of a scene file, laid out as `docs/LANGUAGE.md` section 6 says. `path` is its name in messages.
+///
+/// # Errors
+/// Where the text has a fault of shape, with the findings.
+pub fn format(path: &str, bytes: &[u8]) -> Result<String, Refused> {
+    let (mut sources, mut diagnostics) = (Sources::default(), Vec::new());
+    dsl::format(path, bytes, &mut sources, &mut diagnostics).ok_or(Refused { sources, diagnostics })
+}
+
+/// Replaces a file by `bytes`, whole or not at all; a link stays a link, and permissions stay.
+///
+/// # Errors
+/// Those of the file system, with the path in the message.
+pub fn replace_file(path: impl AsRef<Path>, bytes: &[u8]) -> std::io::Result<()> {
+    let path = std::fs::canonicalize(path)?;
+    let permissions = std::fs::metadata(&path)?.permissions();
+    products::write_whole(&path, |out| {
+        out.write_all(bytes)?;
+        out.get_ref().set_permissions(permissions)
+    })
 }
 
 /// Reads and checks a scene that is to be run.

@@ -209,6 +209,19 @@ fn circle(names: &[&str]) -> String {
     }
 }
 
+/// Every word that the language itself gives a meaning at some place, for editors: keys of statements and clauses, and
+/// connectives. Names of models and of their parameters come from the catalogue.
+pub fn keywords() -> BTreeSet<&'static str> {
+    let tables = [SCENE, GEOMETRY, time::SITE, time::COLLECT, time::WEATHER, material::MATERIAL, SENSOR, EXPERIMENT];
+    let mut waiting: Vec<&Rule> = tables.into_iter().flatten().collect();
+    let mut words: BTreeSet<_> = crate::parse::spelling::CONNECTIVES.iter().copied().collect();
+    while let Some(rule) = waiting.pop() {
+        words.insert(rule.key);
+        waiting.extend(rule.clauses);
+    }
+    words
+}
+
 /// Where a key belongs that stands elsewhere.
 fn home_of(key: &str) -> Option<&'static str> {
     let tables: [(&[Rule], &'static str); 8] = [

@@ -4,6 +4,7 @@
 pub mod ast;
 mod check;
 mod diagnostic;
+mod format;
 mod loader;
 mod nearest;
 mod parse;
@@ -14,8 +15,9 @@ mod sounding;
 mod source;
 pub mod table;
 
-pub use check::check;
+pub use check::{check, keywords};
 pub use diagnostic::{Diagnostic, Severity};
+pub use format::format;
 pub use loader::{LoadError, Loaded, Loader};
 pub use nearest::{list, nearest};
 pub use parse::{MAX_DEPTH, VERSION, parse};

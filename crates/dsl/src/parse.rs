@@ -11,7 +11,7 @@ mod brace;
 mod fault;
 mod item;
 mod line;
-mod mark;
+pub(crate) mod mark;
 mod scanner;
 pub(crate) mod spelling;
 
@@ -56,6 +56,20 @@ pub(crate) fn parse_file(
     let mut statements = Vec::new();
     reader.file(path, from, Some(place), &mut statements);
     statements
+}
+
+/// The statements of one file, its includes not followed. `None` where the text has a fault of shape.
+pub(crate) fn one_file(
+    path: &str,
+    bytes: &[u8],
+    sources: &mut Sources,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<(FileId, Vec<Statement>)> {
+    let known = diagnostics.len();
+    let id = text(path, bytes, None, MAX_BYTES, sources, diagnostics)?;
+    let statements = scanner::statements(&sources.get(id).text, Faults::new(id, diagnostics));
+    let sound = diagnostics[known..].iter().all(|fault| fault.severity != Severity::Error);
+    sound.then_some((id, statements))
 }
 
 struct Reader<'a> {
@@ -121,39 +135,7 @@ impl Reader<'_> {
 
     /// Adds the text of a file to the sources, if it is text.
     fn text(&mut self, path: &str, bytes: &[u8], place: Option<Span>, most: usize) -> Option<FileId> {
-        if bytes.len() > most {
-            if place.is_none() {
-                self.sources.add(path, "");
-            }
-            let message = format!("`{path}` has {} MiB; a scene file has at most {}", bytes.len() >> 20, most >> 20);
-            let fault = at("F01", place, message).help("large geometry belongs in an OBJ file, tables in CSV files");
-            self.diagnostics.push(fault);
-            return None;
-        }
-        let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
-        let error = match std::str::from_utf8(bytes) {
-            Ok(text) if !text.contains('\0') => return Some(self.sources.add(path, text)),
-            Ok(text) => text.find('\0').unwrap_or(0),
-            Err(error) => error.valid_up_to(),
-        };
-        let line = bytes[error..].iter().take(200).position(|byte| *byte == b'\n').unwrap_or(200);
-        let shown = String::from_utf8_lossy(&bytes[..(error + line).min(bytes.len())]).replace('\0', " ");
-        let len = shown[error..].chars().next().map_or(0, char::len_utf8);
-        let id = self.sources.add(path, shown);
-        let span = Span { file: id, start: error as u32, end: (error + len) as u32 };
-        let byte = bytes[error];
-        let wide = bytes.starts_with(b"\xFF\xFE") || bytes.starts_with(b"\xFE\xFF") || byte == 0 && bytes.len() > 1;
-        let fault = Diagnostic::error("F01", span, format!("`{path}` is not UTF-8 text")).help("save it as UTF-8");
-        let fault = match byte {
-            _ if wide => fault.label("this looks like UTF-16, or like no text"),
-            0xA0.. => fault.label(format!("byte {byte:02X} is `{}` in Latin-1", char::from(byte))),
-            _ => fault.label(format!("byte {byte:02X}")),
-        };
-        self.diagnostics.push(match place {
-            Some(place) => fault.note(place, "included here"),
-            None => fault,
-        });
-        None
+        text(path, bytes, place, most, self.sources, self.diagnostics)
     }
 
     /// The version line of a file.
@@ -235,6 +217,50 @@ impl Reader<'_> {
         }
         self.diagnostics.push(fault);
     }
+}
+
+/// Adds the text of a file to the sources, if it is text.
+fn text(
+    path: &str,
+    bytes: &[u8],
+    place: Option<Span>,
+    most: usize,
+    sources: &mut Sources,
+    diagnostics: &mut Vec<Diagnostic>,
+) -> Option<FileId> {
+    if bytes.len() > most {
+        if place.is_none() {
+            sources.add(path, "");
+        }
+        let message = format!("`{path}` has {} MiB; a scene file has at most {}", bytes.len() >> 20, most >> 20);
+        let fault = at("F01", place, message).help("large geometry belongs in an OBJ file, tables in CSV files");
+        diagnostics.push(fault);
+        return None;
+    }
+    let bytes = bytes.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(bytes);
+    let error = match std::str::from_utf8(bytes) {
+        Ok(text) if !text.contains('\0') => return Some(sources.add(path, text)),
+        Ok(text) => text.find('\0').unwrap_or(0),
+        Err(error) => error.valid_up_to(),
+    };
+    let line = bytes[error..].iter().take(200).position(|byte| *byte == b'\n').unwrap_or(200);
+    let shown = String::from_utf8_lossy(&bytes[..(error + line).min(bytes.len())]).replace('\0', " ");
+    let len = shown[error..].chars().next().map_or(0, char::len_utf8);
+    let id = sources.add(path, shown);
+    let span = Span { file: id, start: error as u32, end: (error + len) as u32 };
+    let byte = bytes[error];
+    let wide = bytes.starts_with(b"\xFF\xFE") || bytes.starts_with(b"\xFE\xFF") || byte == 0 && bytes.len() > 1;
+    let fault = Diagnostic::error("F01", span, format!("`{path}` is not UTF-8 text")).help("save it as UTF-8");
+    let fault = match byte {
+        _ if wide => fault.label("this looks like UTF-16, or like no text"),
+        0xA0.. => fault.label(format!("byte {byte:02X} is `{}` in Latin-1", char::from(byte))),
+        _ => fault.label(format!("byte {byte:02X}")),
+    };
+    diagnostics.push(match place {
+        Some(place) => fault.note(place, "included here"),
+        None => fault,
+    });
+    None
 }
 
 /// A finding at an include, or of the scene as a whole.

@@ -791,3 +791,67 @@ fn materials_come_from_databases() {
     let out = run_with((EXAMPLE.to_string() + "database \"mine\"\nmaterial c like a\n").as_bytes(), &circle);
     assert_eq!(out.codes(), ["N04"], "{}", out.shown());
 }
+
+/// Facets in one list, in a line each, and in lists of one: the same polygons, and the same findings at the same places.
+#[test]
+fn packed_facets_mean_what_single_ones_do() {
+    let rows = [
+        "(0 0 0) (1 0 0) (1 1 0)",
+        "(0 0 0) (100 0 0) (100 100 0) (0 100 0) cm",
+        "(0 0 0) (0 0 0) (2 0 0) (2 2 0) (0 0 0)",
+        "(0 0 0) (1 0 0) (2 0 0)",
+        "(0 0 0) (1 0 0) (1 1 0.5) (0 1 0)",
+        "(0 0 0) (1 1 0) (1 0 0) (0 1 0)",
+        "(0 0 0) (1 0 0)",
+        "(0 0 0) (1 0 2e9) (1 1 0)",
+        "(0 0 0) (1 0 0) (1 1 0) deg",
+        "(0 0 0) (1 0 0) # not the end\n (1 1 0)",
+    ];
+    let told = |text: &str| -> Vec<(String, String)> {
+        let out = run(&(EXAMPLE.to_string() + text));
+        let place = |fault: &Diagnostic| fault.span.map_or(String::new(), |span| out.sources.text(span).to_string());
+        let mut all: Vec<_> =
+            out.diagnostics.iter().map(|fault| (format!("{} {}", fault.code, fault.message), place(fault))).collect();
+        all.sort();
+        all
+    };
+    let lines = |rows: &[&str], apart: &str| -> String {
+        let unit = |row: &str| if row.ends_with(')') { " m" } else { "" };
+        rows.iter().map(|row| format!("facet grey {row}{}\n{apart}", unit(row))).collect()
+    };
+    // A statement of another key between them keeps them apart.
+    let single = told(&lines(&rows, "box grey size (1 1 1) m\n"));
+    assert_eq!(told(&lines(&rows, "")), single);
+    assert_eq!(single.iter().filter(|(code, _)| code.starts_with('G')).count(), 4, "{single:#?}");
+    let listed = told(&format!("facets grey [\n{}\n] m\n", rows[..9].join("\n")));
+    let whole: Vec<String> = single.iter().map(|(message, _)| message.clone()).collect();
+    assert_eq!(listed.iter().map(|(message, _)| message.clone()).collect::<Vec<_>>(), whole);
+    // Where the material is unknown, or stands for another, each line is told of, or read, for itself.
+    let unknown = lines(&rows[..2], "").replace("grey", "gray");
+    assert_eq!(run(&(EXAMPLE.to_string() + &unknown)).codes(), ["N02", "N02"]);
+    let scene = good(&(EXAMPLE.to_string() + "define wall grey\n" + &lines(&rows[..3], "").replace("grey", "wall")));
+    assert_eq!(scene.world.len(), 5);
+    let packed = good(&(EXAMPLE.to_string() + &lines(&rows[..3], "")));
+    let polygons = |shape: &Shape| -> Vec<Vec<DVec3>> {
+        let Shape::Facets { polygons, .. } = shape else { panic!("{shape:?}") };
+        polygons.iter().map(|(corners, _)| corners.to_vec()).collect()
+    };
+    let apart: Vec<_> = scene.world[2..].iter().flat_map(polygons).collect();
+    assert_eq!((packed.world.len(), polygons(&packed.world[2])), (3, apart));
+}
+
+/// 10⁶ corners of one polygon are refused without pairing its edges, and 10⁵ faulty facets are not all listed.
+#[test]
+fn excess_is_refused_quickly_and_briefly() {
+    let corners: String = (0..1_000_000).map(|i| format!("({i} {} 0)", i % 7)).collect();
+    for text in [format!("facet grey {corners} m\n"), format!("facets grey [{corners}] m\n")] {
+        let out = run(&(EXAMPLE.to_string() + &text));
+        assert_eq!(out.codes(), ["G05"]);
+    }
+    let bent = "(0 0 0) (1 0 0) (1 1 0.5) (0 1 0)\n".repeat(100_000);
+    let out = run(&(EXAMPLE.to_string() + "facets grey [\n" + &bent + "] m\n"));
+    assert!(out.codes().iter().all(|code| *code == "G02") && out.diagnostics.len() == 500, "{}", out.diagnostics.len());
+    let flat = "facet grey (0 0 0) (1 0 0) (2 0 0) m\n".repeat(100_000);
+    let out = run(&(EXAMPLE.to_string() + &flat));
+    assert!(out.scene.is_some() && out.diagnostics.len() == 100, "{}", out.diagnostics.len());
+}

@@ -527,6 +527,172 @@ fn rows_read_by_hand_and_by_the_grammar_are_the_same() {
     }
 }
 
+/// The same of statements: a key with a `.` forces the grammar on its line.
+#[test]
+fn statements_read_by_hand_and_by_the_grammar_are_the_same() {
+    for rest in [
+        " 400 nm 0.1",
+        " blue, k 0.05",
+        " a b c",
+        " 1 2 3",
+        " -1e-3 foo",
+        " 3 W/m2/sr/um 4 e-",
+        " 5 m (1 2) (3 4 5) m",
+        " (0 0 0)\n  (1 0 0) # goes on\n  (1 1 0) m at (2 2) m",
+        " 30 degrees at (0 0) m",
+        " 1 +2 c_d # end",
+        " 2 foo-bar",
+        " 7 to x9",
+        " \"a # b\" 5 km",
+        " \"é\" to mirror",
+        " [1, 2 3] km only [a, b]",
+        " [(0 0 0) (1 0 0), (1 1 1) m] m { k 1 }",
+        " x 5 x",
+        " 640 x 480",
+        " 420..520 nm",
+        " 1992-06-18 12:00 -04:00",
+        "(1 2 3)m{ k }",
+        " name\n# comment\n{ k 1 }",
+        " 30deg",
+        " .5 m",
+        " 5 µm",
+        " a = 4; k",
+        " [1, [2]] )",
+    ] {
+        let (quick, faults) = tree(&format!("k{rest}"));
+        let (slow, same) = tree(&format!("p.k{rest}"));
+        assert_eq!(quick, slow.replace("p.k", "k"));
+        let places = |faults: &[String]| -> Vec<String> {
+            faults.iter().map(|fault| fault.split_once(' ').map_or("", |(code, _)| code).to_string()).collect()
+        };
+        assert_eq!(places(&faults), places(&same), "{rest}");
+    }
+}
+
+/// Statements that differ in their run alone are one in the tree, and each stands for itself once it is spelt out; what
+/// looks like one and is not stays apart.
+#[test]
+fn statements_that_differ_in_their_run_are_packed_and_spelt_out() {
+    let lines = [
+        "facet grey (0 0 0) (1 0 0) (1 1 0) m",
+        "facet grey (0 0 0) (1 0 0) (1 1 0)",
+        "  facet   grey(0 0 1.5e3) (1 0 0)\t(1 1 0) cm # why",
+        "facet grey (0 0\n 0) (1 0 0) m, facet grey (1 2 3) m",
+        "facet grey (0 0) (1 0) m",
+        "facet grey_2 (0 0 0) m",
+        "facet grey_2 (0 0 0) m at (1 1 1) m",
+        "facet grey_2 (0 0 0) metres",
+        "facet grey_2 (0 0 0)\n  (1 0 0) m",
+        "facet grey_2 (0 0 0) m { a 1 }",
+        "facet grey_2 (0 0 0)",
+        "facet grey_2 (0 0 0) foo",
+        "facets grey_2 (0 0 0) m",
+    ];
+    let together = lines.map(|line| format!("{line}\n")).concat();
+    let apart: String = lines.iter().map(|line| tree(line).0).collect();
+    assert_eq!(tree(&together).0, apart);
+    let facets = "facet grey (0 0 0) (1 0 0) (1 1 0) m\n".repeat(1000);
+    let (ast, sources, _) = read(&[("main.glint", format!("glint 1\n{facets}").as_bytes())]);
+    assert_eq!(ast.statements.len(), 1);
+    let spelt = ast.spelt_out(&sources, &|_, _| false);
+    assert_eq!(spelt.statements.len(), 1000);
+    let last = &spelt.statements[999];
+    assert_eq!(sources.line_column(last.span), (1001, 1));
+    assert_eq!((sources.text(last.key.span), sources.text(last.items[0].span)), ("facet", "grey"));
+    assert_eq!(sources.text(last.items[1].span), "(0 0 0) (1 0 0) (1 1 0) m");
+}
+
+/// Digits at the limits of `f64`, in a vector, a row and a statement: the number is that of `str::parse`, to the bit.
+#[test]
+fn packed_numbers_are_those_of_the_standard_library() {
+    let mut digits: Vec<String> = [
+        "0",
+        "-0",
+        "+0.0",
+        "-0.000",
+        "1",
+        "9007199254740992",
+        "9007199254740993",
+        "9007199254740993.0",
+        "90071992547409.93",
+        "0.1",
+        "0.30000000000000004",
+        "123456789.123456789",
+        "1234567890.1234567890",
+        "18446744073709551615",
+        "18446744073709551616",
+        "99999999999999999999",
+        "0.00000000000000000000001",
+        "0.0000000000000000000001",
+        "1e22",
+        "1e23",
+        "-1E-22",
+        "8.5e-45",
+        "4.9e-324",
+        "2.4703282292062327e-324",
+        "2.4703282292062328e-324",
+        "2.2250738585072011e-308",
+        "1.7976931348623157e308",
+        "1.7976931348623158e308",
+        "9007199254740991.5",
+        "0.000000000000000000000000000000000000000000000000000000000000000000000000000001",
+        "000000000000000000000000123.5",
+        "179769313486231580793728971405301199e273",
+        "0.500000000000000166533453693773481063544750213623046875",
+    ]
+    .map(str::to_string)
+    .into();
+    let mut state = 0x1234_5678_9ABC_DEF1_u64;
+    for i in 0..20_000u32 {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let all = format!("{state:020}");
+        let (whole, part) = all[..1 + (i % 19) as usize].split_at(1 + (i % 7) as usize % (1 + (i % 19) as usize));
+        digits.push(if part.is_empty() { whole.to_string() } else { format!("-{whole}.{part}") });
+    }
+    let rows: String = digits.iter().map(|d| format!("({d} {d}),\n")).collect();
+    let text = format!("glint 1\nk [{rows}] m\n");
+    let (ast, _, found) = read(&[("main.glint", text.as_bytes())]);
+    assert!(found.is_empty(), "{found:?}");
+    let Value::Runs { runs, .. } = &ast.statements[0].items[0].value else { panic!() };
+    for (i, digits) in digits.iter().enumerate() {
+        let bits = digits.parse::<f64>().unwrap().to_bits();
+        assert!(runs.row(i).numbers.iter().all(|number| number.to_bits() == bits), "{digits}");
+    }
+    for digits in ["1e309", "-1e400", "1.8e308"] {
+        assert_eq!(codes(&format!("k [(0 0) m, ({digits} 0) m]")), ["U04"], "{digits}");
+    }
+}
+
+/// A fault in row 60,000 of a list is told at its token; the rows about it stand.
+#[test]
+fn a_fault_within_a_bulk_list_is_told_at_its_token() {
+    for (wrong, code, place, rest) in [
+        ("(1 0 0) (1 8A 0) (1 1 0)", "U04", "8A", true),
+        ("(1 0 0) (1, 1 0) (1 1 0)", "S02", ",", true),
+        ("(1 0 0) (1 1 1e999) (1 1 0)", "U04", "1e999", true),
+        ("(1 0 0) (1 1 0 4) (1 1 0)", "U04", "(1 1 0 4)", true),
+        ("(1 0 0) (1 1 0 (1 1 0)", "S01", "(", true),
+        ("(1 0 0) ° (1 1 0)", "S04", "°", false),
+        ("(1 0 0) = (1 1 0)", "S02", "=", false),
+    ] {
+        let row = "  (0 0 0) (1 0 0) (1 1 0)\n";
+        let text = format!("glint 1\nfacets grey [\n{}  {wrong}\n{}] m\nlast 1", row.repeat(60_000), row.repeat(1000));
+        let (ast, sources, faults) = read(&[("main.glint", text.as_bytes())]);
+        assert_eq!(faults.iter().map(|d| d.code).collect::<Vec<_>>(), [code], "{wrong}");
+        let span = faults[0].span.unwrap();
+        let column = 3 + wrong.find(place).unwrap();
+        let column = if code == "S01" { 3 + wrong.find("(1 1 0 (").unwrap() } else { column };
+        assert_eq!((sources.text(span), sources.line_column(span)), (place, (60_003, column)), "{wrong}");
+        assert_eq!(ast.statements.len(), 2);
+        let rows = match &ast.statements[0].items[1].value {
+            Value::Runs { runs, .. } => runs.len(),
+            Value::List { rows, .. } => rows.len(),
+            other => panic!("{other:?}"),
+        };
+        assert!(if rest { rows == 61_001 } else { (61_000..61_010).contains(&rows) }, "{wrong}: {rows}");
+    }
+}
+
 #[test]
 fn an_include_stands_for_its_statements_once() {
     let main = b"glint 1\ninclude \"b.glint\"\ninclude \"./b.glint\"\nlast".as_slice();

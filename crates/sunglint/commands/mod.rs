@@ -6,6 +6,7 @@ mod compare;
 mod completions;
 mod explain;
 mod materials;
+mod fmt;
 mod models;
 mod new;
 mod plan;
@@ -14,7 +15,7 @@ mod render;
 mod sun;
 mod test;
 
-use std::fmt;
+use std::fmt::Display;
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
@@ -52,6 +53,7 @@ struct Cli {
 enum Command {
     New(new::New),
     Check(check::Check),
+    Fmt(fmt::Fmt),
     Plan(plan::PlanScene),
     Render(render::Render),
     Explain(explain::Explain),
@@ -103,6 +105,7 @@ pub fn run() -> ExitCode {
     let outcome = match cli.command {
         Command::New(command) => command.run(quiet),
         Command::Check(command) => command.run(quiet),
+        Command::Fmt(command) => command.run(quiet),
         Command::Plan(command) => command.run(quiet),
         Command::Render(command) => command.run(quiet),
         Command::Explain(command) => command.run(quiet),
@@ -144,7 +147,7 @@ fn note(line: &str) {
 }
 
 /// Text on the output stream; a reader that has gone is no fault.
-fn print(text: impl fmt::Display) {
+fn print(text: impl Display) {
     let _ = write!(std::io::stdout(), "{text}");
 }
 

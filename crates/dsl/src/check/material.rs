@@ -16,7 +16,7 @@ use crate::nearest::list;
 use crate::scene::{Material, ModelUse};
 use crate::{Diagnostic, Severity, Span};
 
-const MATERIAL: &[Rule] = &[
+pub(super) const MATERIAL: &[Rule] = &[
     rule("title", "title STRING"),
     rule("source", "source STRING"),
     rule("licence", "licence STRING"),

@@ -5,7 +5,7 @@ use super::spelling::ascii;
 
 /// A string that begins at some place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Quoted {
+pub(crate) struct Quoted {
     /// First byte behind the opening quote.
     pub from: usize,
     /// The closing quote, or where the text of a string without one ends.
@@ -20,7 +20,7 @@ pub(super) struct Quoted {
 
 /// The string that begins at `at`, if one does. One that is open ends with its line, before braces that end the line
 /// and before a comment.
-pub(super) fn quoted(bytes: &[u8], at: usize) -> Option<Quoted> {
+pub(crate) fn quoted(bytes: &[u8], at: usize) -> Option<Quoted> {
     let from = at + quote_len(bytes, at)?;
     let straight = bytes[at] == b'"';
     let mut pos = from;
@@ -66,12 +66,12 @@ pub(super) fn foreign_comment(bytes: &[u8], at: usize) -> bool {
 }
 
 /// The line break that ends the line of `at`, or the end of the text.
-pub(super) fn line_end(bytes: &[u8], at: usize) -> usize {
+pub(crate) fn line_end(bytes: &[u8], at: usize) -> usize {
     bytes[at..].iter().position(|byte| *byte == b'\n').map_or(bytes.len(), |i| at + i)
 }
 
 /// End of the number that begins at `at`: sign, digits, point between digits, exponent.
-pub(super) fn number_end(bytes: &[u8], at: usize) -> Option<usize> {
+pub(crate) fn number_end(bytes: &[u8], at: usize) -> Option<usize> {
     let digits = |from: usize| from + bytes[from..].iter().take_while(|byte| byte.is_ascii_digit()).count();
     let sign = |at: usize| at + usize::from(matches!(bytes.get(at), Some(b'+' | b'-')));
     let whole = sign(at);
@@ -130,7 +130,7 @@ pub(super) fn number_at(text: &str, at: usize) -> Option<(f64, usize)> {
 }
 
 /// Whether a value begins at `at`, with which a line continues the statement above.
-pub(super) fn value_at(text: &str, at: usize) -> bool {
+pub(crate) fn value_at(text: &str, at: usize) -> bool {
     match text.as_bytes().get(at..) {
         Some([b'(' | b'[' | b'"' | b'0'..=b'9', ..]) => true,
         Some([b'+' | b'-', b'0'..=b'9', ..] | [b'.', b'0'..=b'9', ..] | [b'+' | b'-', b'.', b'0'..=b'9', ..]) => true,
@@ -147,7 +147,7 @@ pub(super) fn value_at(text: &str, at: usize) -> bool {
 }
 
 /// The first byte from `pos` on that is no blank and in no comment.
-pub(super) fn significant(bytes: &[u8], mut pos: usize) -> usize {
+pub(crate) fn significant(bytes: &[u8], mut pos: usize) -> usize {
     while let Some(&byte) = bytes.get(pos) {
         match byte {
             b' ' | b'\t' | b'\r' | b'\n' => pos += 1,
