@@ -1,12 +1,12 @@
 //! What runs, what is skipped, and why. The last place where a scene can fail: after it only writing can.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
 use glam::DVec3;
 use sunglint_atmosphere::{Atmosphere, Column, Needs, Sun};
 use sunglint_dsl::scene::{self, Accuracy, Experiment, ModelUse, Sensor, Weather};
-use sunglint_dsl::{Diagnostic, Scene, Severity, Sources};
+use sunglint_dsl::{Diagnostic, Scene, Severity, Sources, nearest};
 use sunglint_geometry::{FacetId, MaterialId, World};
 use sunglint_plugin::{Args, BindError, SpectralValue, TableKey, Value};
 use sunglint_radiometry::{Channels, LocalDir, SpectralGrid};
@@ -20,7 +20,7 @@ use crate::{Checked, Refused, grid, scenery, times};
 /// Most samples a pixel under `error`.
 const MOST_SAMPLES: u32 = 4096;
 /// Least samples a pixel under `time`.
-const LEAST_SAMPLES: u32 = 16;
+pub(crate) const LEAST_SAMPLES: u32 = 16;
 
 /// What a user may change without touching the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -29,7 +29,8 @@ pub struct Options {
     pub pixels: Option<(u32, u32)>,
     /// Samples a pixel in place of every experiment's accuracy.
     pub samples: Option<u32>,
-    /// Experiments to keep; all where empty.
+    /// Experiments to keep: a name with all runs of its sweeps, a run's name (`haze/visibility=5km,seed=1`), or a name with
+    /// some of its values (`haze/seed=1`); all where empty.
     pub experiments: Vec<String>,
     /// Frame labels to keep (`1992-06-18T160000Z`); all where empty.
     pub times: Vec<String>,
@@ -46,8 +47,12 @@ pub struct Skip {
 
 /// One experiment with one sensor: a view with all its times.
 pub struct Run {
-    /// Name of the experiment.
+    /// Name of the experiment's run: `haze/reflectance=phong,visibility=5km`, or `haze` where it sweeps nothing.
     pub experiment: String,
+    /// Swept values by name.
+    pub sweep: Vec<(String, String)>,
+    /// Constants that the experiment gives another value, as written.
+    pub constants: Vec<(String, String)>,
     /// Name of the sensor.
     pub sensor: String,
     /// Where its pixels look.
@@ -70,8 +75,10 @@ pub struct Run {
     pub atmosphere_name: String,
     /// The light of each time.
     pub light: Vec<Arc<Illumination>>,
-    /// How accurate.
+    /// How accurate; under `time` the least, [`Run::samples_within`] gives what fits.
     pub accuracy: sunglint_tracer::Accuracy,
+    /// Seconds that rendering may take, under `time`.
+    pub budget: Option<f64>,
     /// Seed of the experiment.
     pub seed: u64,
     /// Products.
@@ -107,9 +114,9 @@ pub struct Plan {
     pub materials: Vec<String>,
     /// What the scene as a whole skips.
     pub skips: Vec<Skip>,
-    /// Facets of the world, instances counted each.
+    /// Facets of the largest world, instances counted each.
     pub facets: usize,
-    /// Bytes of the acceleration structure and geometry.
+    /// Bytes of the acceleration structures and geometry of all distinct worlds.
     pub geometry_bytes: usize,
 }
 
@@ -123,10 +130,11 @@ impl Plan {
         let materials = scene.iter().flat_map(|scene| &scene.materials).map(|material| material.name.clone()).collect();
         let planned = scene.filter(|_| !has_error(&diagnostics)).and_then(|scene| {
             let hashes = files.hashes().clone();
-            Planner { scene: &scene, options, diagnostics: &mut diagnostics, hashes: &hashes }.plan()
+            plan_worlds(&scene, options, &mut diagnostics, &hashes)
         });
+        once_each(&mut diagnostics);
         match planned {
-            Some((runs, skips, world, title)) if !has_error(&diagnostics) => Ok(Self {
+            Some(Planned { runs, skips, facets, geometry_bytes, title }) if !has_error(&diagnostics) => Ok(Self {
                 runs,
                 title,
                 warnings: diagnostics,
@@ -134,8 +142,8 @@ impl Plan {
                 files: files.hashes().clone(),
                 materials,
                 skips,
-                facets: world.facet_count(),
-                geometry_bytes: world.memory_bytes(),
+                facets,
+                geometry_bytes,
             }),
             _ => Err(Refused { sources, diagnostics }),
         }
@@ -146,7 +154,7 @@ impl Plan {
         &self.runs
     }
 
-    /// The run of an experiment and sensor.
+    /// The run of an experiment and sensor, by their full names.
     pub fn run(&self, experiment: &str, sensor: &str) -> Option<&Run> {
         self.runs.iter().find(|run| run.experiment == experiment && run.sensor == sensor)
     }
@@ -156,18 +164,109 @@ fn has_error(diagnostics: &[Diagnostic]) -> bool {
     diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
 }
 
-struct Planner<'a> {
-    scene: &'a Scene,
-    options: &'a Options,
-    diagnostics: &'a mut Vec<Diagnostic>,
-    hashes: &'a BTreeMap<String, String>,
+struct Planner<'s, 'd> {
+    scene: &'s Scene,
+    options: &'d Options,
+    diagnostics: &'d mut Vec<Diagnostic>,
+    hashes: &'d BTreeMap<String, String>,
 }
 
-type Planned = (Vec<Run>, Vec<Skip>, Arc<World>, Option<String>);
+struct Planned {
+    runs: Vec<Run>,
+    skips: Vec<Skip>,
+    facets: usize,
+    geometry_bytes: usize,
+    title: Option<String>,
+}
 
-impl Planner<'_> {
-    fn plan(&mut self) -> Option<Planned> {
+/// What the runs of all worlds share, and what they come to.
+#[derive(Default)]
+struct Shared<'a> {
+    solved: Solved,
+    geometries: Vec<Geometry<'a>>,
+    /// With their place among all runs of the scene.
+    runs: Vec<(usize, Run)>,
+    skips: Vec<Skip>,
+}
+
+/// Geometry that was built, with all that it depends on.
+struct Geometry<'a> {
+    scene: &'a Scene,
+    /// Where the sensors stand; empty where no panel faces one.
+    faced: Vec<DVec3>,
+    world: Arc<World>,
+    objects: Vec<(u32, String)>,
+    unopened: Vec<String>,
+}
+
+/// Whether `wanted` selects the run `name`: its name, the name before its values (`haze` of
+/// `haze/reflectance=phong,visibility=5km`), or that with some of its values (`haze/visibility=5km`).
+fn is_experiment(wanted: &str, name: &str) -> bool {
+    let (base, values) = wanted.split_once('/').unwrap_or((wanted, ""));
+    let (own, has) = name.split_once('/').unwrap_or((name, ""));
+    let has: Vec<&str> = has.split(',').collect();
+    wanted == name || base == own && (wanted == base || values.split(',').all(|value| has.contains(&value)))
+}
+
+/// Plans a scene under each of its sets of constants.
+fn plan_worlds(
+    scene: &Scene,
+    options: &Options,
+    diagnostics: &mut Vec<Diagnostic>,
+    hashes: &BTreeMap<String, String>,
+) -> Option<Planned> {
+    let names: Vec<&str> = scene.runs().iter().map(|(_, run)| run.name.as_str()).collect();
+    for wanted in options.experiments.iter().filter(|wanted| !names.iter().any(|name| is_experiment(wanted, name))) {
+        let mut known = names.clone();
+        known.extend(scene.runs().iter().map(|(_, run)| run.base.as_str()));
+        let near = nearest(wanted, known.iter().copied()).map_or(String::new(), |near| format!("`{near}`? "));
+        let some = names[..names.len().min(12)].join("  ");
+        let more = if names.len() > 12 { format!(" and {} more", names.len() - 12) } else { String::new() };
+        let fault = Diagnostic::whole("X01", format!("no experiment of the scene is called `{wanted}`"));
+        diagnostics.push(fault.help(format!("{near}there are {some}{more}")));
+    }
+    let is_wanted = |run: &Experiment| {
+        options.experiments.is_empty() || options.experiments.iter().any(|wanted| is_experiment(wanted, &run.name))
+    };
+    let mut shared = Shared::default();
+    let mut complete = true;
+    for world in scene.worlds().filter(|world| world.experiments.iter().any(is_wanted)) {
+        complete &= Planner { scene: world, options, diagnostics, hashes }.plan(&is_wanted, &mut shared).is_some();
+    }
+    let Shared { solved, geometries, mut runs, mut skips } = shared;
+    if solved.shared > 0 {
+        skips.push(Skip {
+            what: format!("{} solves of the air", solved.shared),
+            why: "another run has the same column, suns and grid".into(),
+        });
+    }
+    if runs.is_empty() && !has_error(diagnostics) {
+        diagnostics.push(
+            Diagnostic::whole("X01", "nothing is left to render: no experiment, sensor and time go together")
+                .help("see the `sensor` and `collect` lines of the experiments and sensors"),
+        );
+    }
+    runs.sort_by_key(|(order, _)| *order);
+    complete.then(|| Planned {
+        runs: runs.into_iter().map(|(_, run)| run).collect(),
+        skips,
+        facets: geometries.iter().map(|known| known.world.facet_count()).max().unwrap_or(0),
+        geometry_bytes: geometries.iter().map(|known| known.world.memory_bytes()).sum(),
+        title: scene.title.clone(),
+    })
+}
+
+/// Leaves each finding once: runs and worlds that share a fault tell of it alike.
+fn once_each(diagnostics: &mut Vec<Diagnostic>) {
+    let mut seen = HashSet::new();
+    diagnostics.retain(|fault| seen.insert((fault.code, fault.span, fault.message.clone())));
+}
+
+impl<'s> Planner<'s, '_> {
+    /// Plans the wanted experiments of one world.
+    fn plan(&mut self, is_wanted: &dyn Fn(&Experiment) -> bool, shared: &mut Shared<'s>) -> Option<()> {
         let scene = self.scene;
+        let before = self.diagnostics.len();
         let mut cameras: Vec<Option<Arc<dyn Camera>>> = Vec::new();
         for sensor in &scene.sensors {
             match scenery::camera(scene, sensor, self.options.pixels) {
@@ -180,45 +279,51 @@ impl Planner<'_> {
         }
         let positions: Vec<DVec3> =
             cameras.iter().map(|camera| camera.as_ref().map_or(DVec3::ZERO, |camera| camera.position())).collect();
-        let built = scenery::build(scene, &positions, self.diagnostics);
+        let built = self.geometry(&positions, shared);
         let bands: Vec<Vec<Band>> =
             scene.sensors.iter().map(|sensor| scenery::bands(sensor, self.diagnostics)).collect();
         let built = built?;
-        if has_error(self.diagnostics) {
+        if has_error(&self.diagnostics[before..]) {
             return None;
         }
-        for (sensor, camera) in scene.sensors.iter().zip(&cameras) {
-            self.warn_of_view(sensor, camera.as_deref()?, &built.world);
-        }
-        let world = Arc::new(built.world);
-        let mut skips = scene_skips(scene, &built.unopened, &world);
-        let mut runs = Vec::new();
-        let mut solved = Solved::default();
-        for experiment in &scene.experiments {
-            let wanted = &self.options.experiments;
-            if !wanted.is_empty() && !wanted.contains(&experiment.name) {
-                continue;
+        let Geometry { world, objects, unopened, .. } = &shared.geometries[built];
+        let (world, objects) = (world.clone(), objects.clone());
+        for skip in scene_skips(scene, unopened, &world) {
+            if !shared.skips.contains(&skip) {
+                shared.skips.push(skip);
             }
+        }
+        for (sensor, camera) in scene.sensors.iter().zip(&cameras) {
+            self.warn_of_view(sensor, camera.as_deref()?, &world);
+        }
+        for experiment in scene.experiments.iter().filter(|run| is_wanted(run)) {
             for &s in &experiment.sensors {
                 let camera = cameras[s].clone()?;
-                if let Some(run) = self.run(experiment, s, camera, &bands[s], &world, &built.objects, &mut solved) {
-                    runs.push(run);
+                if let Some(run) = self.run(experiment, s, camera, &bands[s], &world, &objects, &mut shared.solved) {
+                    shared.runs.push((experiment.order, run));
                 }
             }
         }
-        if solved.shared > 0 {
-            skips.push(Skip {
-                what: format!("{} solves of the air", solved.shared),
-                why: "another run has the same column, suns and grid".into(),
-            });
+        Some(())
+    }
+
+    /// The geometry of this world, built once for all worlds in which it is the same.
+    fn geometry(&mut self, positions: &[DVec3], shared: &mut Shared<'s>) -> Option<usize> {
+        let scene = self.scene;
+        let faces =
+            |shape: &scene::Shape| matches!(shape, scene::Shape::Panel { facing: scene::Facing::Sensor(_), .. });
+        let faced = if scene.world.iter().any(faces) { positions.to_vec() } else { Vec::new() };
+        let known = shared.geometries.iter().position(|known| {
+            let same = known.scene;
+            known.faced == faced
+                && (same.ground, &same.world, &same.objects) == (scene.ground, &scene.world, &scene.objects)
+        });
+        if known.is_some() {
+            return known;
         }
-        if runs.is_empty() && !has_error(self.diagnostics) {
-            self.diagnostics.push(
-                Diagnostic::whole("X01", "nothing is left to render: no experiment, sensor and time go together")
-                    .help("see the `sensor` and `collect` lines of the experiments and sensors"),
-            );
-        }
-        Some((runs, skips, world, scene.title.clone()))
+        let scenery::Built { world, objects, unopened } = scenery::build(scene, positions, self.diagnostics)?;
+        shared.geometries.push(Geometry { scene, faced, world: Arc::new(world), objects, unopened });
+        Some(shared.geometries.len() - 1)
     }
 
     fn warn_of_view(&mut self, sensor: &Sensor, camera: &dyn Camera, world: &World) {
@@ -301,7 +406,7 @@ impl Planner<'_> {
         let algorithm = self.bind(&experiment.algorithm, sunglint_tracer::BUILTIN, &grid)?;
         let channels = grid::channels(&grid, bands);
 
-        let scenery = self.surfaces(experiment, &grid, world);
+        let scenery = self.surfaces(experiment, &grid, world, solved);
         if has_error(&self.diagnostics[before..]) {
             return None;
         }
@@ -311,12 +416,13 @@ impl Planner<'_> {
             true => ground_albedo(scene, world, &scenery, grid.len()),
             false => vec![0.0; grid.len()],
         };
-        self.check_weather(provider.as_ref(), &experiment.atmosphere, &moments);
+        let unused = self.check_weather(provider.as_ref(), &experiment.atmosphere, &moments);
         let (light, columns_solved) =
             self.light(experiment, provider.as_ref(), &moments, &grid, &needs, &albedo, solved)?;
 
         let estimators = algorithm.estimators();
-        let skips = run_skips(algorithm.as_ref(), &scenery, bands, &grid, &light);
+        let mut skips = run_skips(algorithm.as_ref(), &scenery, bands, &grid, &light);
+        skips.extend(unused);
         let accuracy = match (self.options.samples, experiment.accuracy) {
             (Some(samples), _) => sunglint_tracer::Accuracy::Samples(samples),
             (None, Accuracy::Samples(samples)) => sunglint_tracer::Accuracy::Samples(samples),
@@ -324,6 +430,10 @@ impl Planner<'_> {
                 sunglint_tracer::Accuracy::Error { relative, floor, most: MOST_SAMPLES }
             }
             (None, Accuracy::Time { .. }) => sunglint_tracer::Accuracy::Samples(LEAST_SAMPLES),
+        };
+        let budget = match experiment.accuracy {
+            Accuracy::Time { seconds } if self.options.samples.is_none() => Some(seconds),
+            _ => None,
         };
         let models = (uses.iter())
             .filter_map(|(material, use_)| {
@@ -333,6 +443,8 @@ impl Planner<'_> {
             .collect();
         Some(Run {
             experiment: experiment.name.clone(),
+            sweep: experiment.sweep.clone(),
+            constants: experiment.constants.clone(),
             sensor: sensor.name.clone(),
             pixels: camera.pixels(),
             camera,
@@ -346,6 +458,7 @@ impl Planner<'_> {
             atmosphere_name: experiment.atmosphere.name.clone(),
             light,
             accuracy,
+            budget,
             seed: experiment.seed,
             products: experiment.products,
             models,
@@ -369,7 +482,7 @@ impl Planner<'_> {
     }
 
     /// The models that an experiment uses of materials (with their index).
-    fn model_uses<'s>(scene: &'s Scene, experiment: &Experiment) -> Vec<(Option<usize>, &'s ModelUse)> {
+    fn model_uses<'m>(scene: &'m Scene, experiment: &Experiment) -> Vec<(Option<usize>, &'m ModelUse)> {
         (experiment.models.iter().enumerate())
             .filter_map(|(m, chosen)| chosen.map(|i| (Some(m), &scene.materials[m].models[i])))
             .filter(|(m, _)| m.is_none_or(|m| scene.materials[m].used))
@@ -458,15 +571,28 @@ impl Planner<'_> {
         }
     }
 
-    fn surfaces(&mut self, experiment: &Experiment, grid: &SpectralGrid, world: &Arc<World>) -> Option<Scenery> {
+    fn surfaces(
+        &mut self,
+        experiment: &Experiment,
+        grid: &SpectralGrid,
+        world: &Arc<World>,
+        solved: &mut Solved,
+    ) -> Option<Scenery> {
         let scene = self.scene;
+        let grid_key = blake3::hash(format!("{grid:?}").as_bytes());
         let mut surfaces = Vec::new();
         for (m, material) in scene.materials.iter().enumerate() {
             let Some(chosen) = experiment.models[m].filter(|_| material.used) else {
                 surfaces.push(None);
                 continue;
             };
-            let bound: Option<Arc<dyn Bsdf>> = self.bind(&material.models[chosen], sunglint_reflectance::BUILTIN, grid);
+            let use_ = &material.models[chosen];
+            let key = blake3::hash(format!("{} {:?} {grid_key}", use_.name, use_.args).as_bytes());
+            let bound = match solved.surfaces.get(&key) {
+                Some(known) => Some(known.clone()),
+                None => self.bind(use_, sunglint_reflectance::BUILTIN, grid),
+            };
+            solved.surfaces.extend(bound.iter().map(|bound| (key, bound.clone())));
             let emission = match material.emission.as_ref().filter(|value| !value.is_zero()).map(|value| value.on(grid))
             {
                 Some(Ok(values)) => Some(values.into()),
@@ -479,8 +605,14 @@ impl Planner<'_> {
     }
 
     /// Weather fields that the atmosphere does not use.
-    fn check_weather(&mut self, provider: &dyn Atmosphere, use_: &ModelUse, moments: &[(Moment, Weather)]) {
+    fn check_weather(
+        &mut self,
+        provider: &dyn Atmosphere,
+        use_: &ModelUse,
+        moments: &[(Moment, Weather)],
+    ) -> Vec<Skip> {
         let mut told = Vec::new();
+        let mut skips: Vec<Skip> = Vec::new();
         for (_, weather) in moments {
             for (field, span) in &weather.spans {
                 let known = *field == "aerosol" && weather.aerosol.as_deref() == Some("rural");
@@ -488,6 +620,13 @@ impl Planner<'_> {
                     continue;
                 }
                 told.push(*span);
+                let skip = Skip {
+                    what: format!("`{field}` of the weather"),
+                    why: format!("the atmosphere `{}` does not use it", use_.name),
+                };
+                if !skips.contains(&skip) {
+                    skips.push(skip);
+                }
                 let diagnostic =
                     Diagnostic::warning("A01", *span, format!("the atmosphere `{}` does not use `{field}`", use_.name))
                         .help(match provider.uses() {
@@ -499,6 +638,7 @@ impl Planner<'_> {
                 }
             }
         }
+        skips
     }
 
     #[allow(clippy::too_many_arguments)]
@@ -592,6 +732,8 @@ impl Planner<'_> {
         feed(env!("CARGO_PKG_VERSION"));
         feed(&experiment.name);
         feed(&sensor.name);
+        // Names of values may be cut; these are as written. Their order tells apart what is spelt alike.
+        feed(&format!("{} {:?} {:?}", experiment.order, experiment.sweep, experiment.constants));
         feed(&format!("{:?} {:?} {:?}", self.options.pixels, self.options.samples, self.options.times));
         for hash in self.hashes.values() {
             feed(hash);
@@ -604,6 +746,8 @@ impl Planner<'_> {
 #[derive(Default)]
 struct Solved {
     skies: HashMap<String, Arc<Illumination>>,
+    /// Surfaces by model, arguments and grid.
+    surfaces: HashMap<blake3::Hash, Arc<dyn Bsdf>>,
     shared: usize,
 }
 

@@ -18,15 +18,19 @@ Example:
   sunglint render examples/truth/truth.glint -o out/truth
 
 Writes DIR/EXPERIMENT/SENSOR/TIME/: radiance.exr, radiance.img/.hdr (ENVI), error.exr, previews; truth.exr once a
-sensor; manifest.json. A second render of an unchanged scene does no work; a killed one goes on at its last tile.")]
+sensor; manifest.json. A second render of an unchanged scene does no work; a killed one goes on at its last tile.
+
+The runs of a sweep are EXPERIMENT/NAME=VALUE,…: --experiment haze renders all of them, --experiment haze/visibility=5km
+those with that value, and a run's full name that one. Commas part names of experiments only where no value is named;
+say --experiment again for further runs.")]
 pub struct Render {
     /// The scene
     scene: PathBuf,
     /// Folder to write to
     #[arg(long, short, default_value = "out")]
     out: PathBuf,
-    /// Experiments to render, separated by commas [default: all]
-    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    /// Experiments to render; repeat for more [default: all]
+    #[arg(long, value_name = "NAMES")]
     experiment: Vec<String>,
     /// Pixels in place of every sensor's own: the same view, coarser or finer
     #[arg(long, value_name = "WxH", value_parser = parse_pixels)]
@@ -41,7 +45,7 @@ impl Render {
         let options = Options {
             pixels: self.pixels,
             samples: self.samples,
-            experiments: self.experiment.clone(),
+            experiments: self.experiment.iter().flat_map(|names| experiments(names)).collect(),
             times: Vec::new(),
         };
         let plan = plan_of(&self.scene, &options, quiet)?;
@@ -51,6 +55,14 @@ impl Render {
             Err(error) => Err(Failure::Unfinished(error.to_string())),
         }
     }
+}
+
+/// Names of experiments are parted by commas; values of a run's sweeps are too, and stay with it.
+fn experiments(names: &str) -> Vec<String> {
+    if names.contains('=') {
+        return vec![names.to_string()];
+    }
+    names.split(',').map(|name| name.trim().to_string()).filter(|name| !name.is_empty()).collect()
 }
 
 /// A bar on a terminal, a line a run elsewhere, nothing when quiet.
@@ -99,12 +111,16 @@ impl Progress for Bar {
         }
         let rays = &rendered.rays;
         let cast = rays.camera + rays.hemisphere + rays.mirror + rays.sun;
+        let samples = match rendered.timed_samples {
+            Some(n) => format!(", {n} samples a pixel"),
+            None => String::new(),
+        };
         let resumed = match rendered.tiles_resumed {
             0 => String::new(),
             n => format!(", {n} tiles from before"),
         };
         note(&format!(
-            "{name}: {} frame{} in {:.1} s and {:.1} s of writing, {:.1} million rays{resumed} ({folder})",
+            "{name}: {} frame{} in {:.1} s and {:.1} s of writing, {:.1} million rays{samples}{resumed} ({folder})",
             rendered.frames,
             if rendered.frames == 1 { "" } else { "s" },
             rendered.seconds.0,
