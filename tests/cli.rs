@@ -273,3 +273,172 @@ fn completions_and_help_are_there() {
         assert!(String::from_utf8_lossy(&help.stdout).contains("Example"), "{command}");
     }
 }
+
+/// A panel that fills the view of a small sensor, under a sun at 30°, without air: whatever varies is the scene's doing.
+const STUDY: &str = r#"glint 1
+collect { sun zenith 30 deg azimuth 180 deg }
+atmosphere none
+define tone 0.2
+define aloft (0 0 10) m
+material grey { ideal { diffuse tone }, phong { diffuse tone, specular 0, exponent 5 } }
+ground grey
+sensor nadir {
+  position aloft
+  heading 0 deg
+  field_of_view 10 deg
+  pixels 40 x 8
+  band red 600..700 nm
+}
+"#;
+
+fn study(folder: &Path, experiments: &str) -> PathBuf {
+    let scene = folder.join("study.glint");
+    std::fs::write(&scene, format!("{STUDY}{experiments}")).expect("a scene");
+    scene
+}
+
+fn radiance(folder: &Path, run: &str) -> Vec<f32> {
+    let bytes = std::fs::read(folder.join(run).join("nadir/sun_30_180/radiance.img")).expect("an image");
+    bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+}
+
+fn manifest(folder: &Path, run: &str) -> Value {
+    let text = std::fs::read_to_string(folder.join(run).join("nadir/manifest.json")).expect("a manifest");
+    serde_json::from_str(&text).expect("JSON")
+}
+
+fn runs_below(out: &Path, experiment: &str) -> Vec<String> {
+    let entries = std::fs::read_dir(out.join(experiment)).expect("a folder");
+    let mut names: Vec<String> =
+        entries.map(|entry| entry.expect("an entry").file_name().to_string_lossy().into_owned()).collect();
+    names.sort();
+    names
+}
+
+/// Two sweeps multiply to folders; an experiment's name renders all of them, a value some, a full name one.
+#[test]
+fn a_study_renders_a_folder_for_each_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = study(
+        folder.path(),
+        "experiment haze { samples 16, reflectance sweep [ideal, phong], define tone sweep [0.1, 0.2] }\n\
+         experiment plain { samples 16 }\n",
+    );
+    let render = |out: &str, experiment: &[&str]| {
+        let out = folder.path().join(out);
+        let output = sunglint(&[&["render", text(&scene), "-o", text(&out)], experiment].concat());
+        assert!(output.status.success(), "{}", stderr(&output));
+        out
+    };
+    let all = render("all", &["--experiment", "haze"]);
+    let names = [
+        "reflectance=ideal,tone=0.1",
+        "reflectance=ideal,tone=0.2",
+        "reflectance=phong,tone=0.1",
+        "reflectance=phong,tone=0.2",
+    ];
+    assert_eq!(runs_below(&all, "haze"), names);
+    assert!(!all.join("plain").exists());
+    let some = render("some", &["--experiment", "haze/tone=0.1"]);
+    assert_eq!(runs_below(&some, "haze"), [names[0], names[2]]);
+    let one = render("one", &["--experiment", "haze/reflectance=phong,tone=0.2", "--experiment", "plain"]);
+    assert_eq!((runs_below(&one, "haze"), one.join("plain").is_dir()), (vec![names[3].to_string()], true));
+    let told = manifest(&one, "haze/reflectance=phong,tone=0.2");
+    assert_eq!(
+        (told["sweep"]["reflectance"].as_str(), told["constants"]["tone"].as_str()),
+        (Some("phong"), Some("0.2"))
+    );
+    let unknown = sunglint(&["render", text(&scene), "--experiment", "hase"]);
+    assert!(unknown.status.code() == Some(2) && stderr(&unknown).contains("`haze`?"), "{}", stderr(&unknown));
+    // A second render of the same study does no work.
+    let again = sunglint(&["render", text(&scene), "-o", text(&all), "--experiment", "haze"]);
+    assert_eq!(stderr(&again).matches("nothing to do").count(), 4, "{}", stderr(&again));
+}
+
+/// L = ρ E₀ cos θ / π without air, and ρ alone differs: radiances are in the ratio of the constants, to the rounding of
+/// the stored f32.
+#[test]
+fn a_swept_constant_scales_the_radiance() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = study(folder.path(), "experiment tones { samples 16, define tone sweep [0.1, 0.2, 0.4] }\n");
+    let output = sunglint(&["render", text(&scene), "-o", text(folder.path())]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let [dark, grey, light] = ["0.1", "0.2", "0.4"].map(|tone| radiance(folder.path(), &format!("tones/tone={tone}")));
+    assert!(dark.iter().all(|value| *value > 0.0) && dark.len() == 320);
+    for ((dark, grey), light) in dark.iter().zip(&grey).zip(&light) {
+        assert!((grey / dark - 2.0).abs() < 1e-6 && (light / dark - 4.0).abs() < 1e-6, "{dark} {grey} {light}");
+    }
+}
+
+/// A sensor has its own place in each world: the range to the ground is the swept height.
+#[test]
+fn a_swept_flying_height_moves_the_camera() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = study(folder.path(), "experiment fly { samples 16, define aloft sweep [(0 0 10), (0 0 250)] m }\n");
+    for (run, height) in [("fly/aloft=0_0_10m", 10.0), ("fly/aloft=0_0_250m", 250.0)] {
+        let pixel = json(&["explain", text(&scene), "--pixel", "20,4", "--experiment", run, "--json"]);
+        let range = pixel["hit"]["range_m"].as_f64().expect("a range");
+        // The pixel's middle is within 0.2° of the nadir.
+        assert!((range / height - 1.0).abs() < 1e-4, "{run}: {range}");
+    }
+    let plan = json(&["plan", text(&scene), "--json"]);
+    let runs = plan["runs"].as_array().expect("runs");
+    assert_eq!(runs.len(), 2);
+    assert_eq!(runs[1]["sweep"]["aloft"], "0_0_250m");
+    assert_eq!(runs[1]["constants"]["aloft"], "(0 0 250) m");
+}
+
+/// The clock chooses the number of samples and nothing else: `samples` with that number gives the same bits.
+#[test]
+fn a_timed_render_is_replayed_by_its_samples() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = study(folder.path(), "experiment timed { algorithm split { sky_view rays }, time 200 ms }\n");
+    let (timed, again) = (folder.path().join("timed"), folder.path().join("again"));
+    let output = sunglint(&["render", text(&scene), "-o", text(&timed)]);
+    assert!(output.status.success() && stderr(&output).contains("samples a pixel"), "{}", stderr(&output));
+    let told = manifest(&timed, "timed");
+    let samples = told["samples"].as_u64().expect("the samples are told");
+    assert!(samples >= 16 && samples % 16 == 0 && told["time_s"] == 0.2, "{told:#}");
+    let output = sunglint(&["render", text(&scene), "-o", text(&again), "--samples", &samples.to_string()]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(radiance(&timed, "timed"), radiance(&again, "timed"));
+    let once_more = sunglint(&["render", text(&scene), "-o", text(&timed)]);
+    assert!(stderr(&once_more).contains("nothing to do"), "{}", stderr(&once_more));
+}
+
+/// `material NAME` alone is the database's: a shipped one, or that of a folder before it.
+#[test]
+fn materials_of_databases_render() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::create_dir(folder.path().join("mine")).expect("a folder");
+    let own = "glint 1\nmaterial snow_melting { reflectance \"snow.csv\", ideal }\n";
+    std::fs::write(folder.path().join("mine/snow_melting.glint"), own).expect("a material");
+    std::fs::write(folder.path().join("mine/snow.csv"), "wavelength_nm,snow\n400,0.5\n1000,0.5\n").expect("a table");
+    let radiance = |name: &str, database: &str| {
+        let scene = folder.path().join(format!("{name}.glint"));
+        let material = format!("{database}material {name}\nground {name}");
+        std::fs::write(&scene, STUDY.replace("ground grey", &material)).expect("a scene");
+        let pixel = json(&["explain", text(&scene), "--pixel", "20,4", "--json"]);
+        (pixel["hit"]["material"].as_str() == Some(name)).then(|| pixel["bands"][0]["radiance"].as_f64()).flatten()
+    };
+    let (snow, grey) = (radiance("snow_melting", ""), radiance("panel_pvc_grey", ""));
+    assert!(snow > grey && grey.is_some(), "{snow:?} {grey:?}");
+    let own = radiance("snow_melting", "database \"mine\"\n");
+    assert!(own < snow && own.is_some(), "{own:?} {snow:?}");
+}
+
+/// Every shipped material binds: its spectrum is there, its categories and lobes hold.
+#[test]
+fn every_shipped_material_is_a_material() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("all.glint");
+    let mut all = STUDY.to_string();
+    for (i, (name, _)) in sunglint::reflectance::shipped_materials().enumerate() {
+        all += &format!("material {name}\npanel {name} size (1 1) m at ({i} 0 0.1) m\n");
+    }
+    std::fs::write(&scene, all + "experiment split { }\nexperiment ideal { reflectance ideal }\n").expect("a scene");
+    let plan = json(&["plan", text(&scene), "--json"]);
+    assert_eq!(plan["runs"][0]["models"]["asphalt_road_old"], "split");
+    assert_eq!(plan["runs"][0]["models"]["panel_spectralon_90"], "ideal");
+    assert_eq!(plan["runs"][1]["models"].as_object().map(|models| models.len()), Some(23));
+}

@@ -31,6 +31,16 @@ impl TileStore {
         decode(&bytes)
     }
 
+    /// Samples a pixel that a run under `time` was given when it began: all its tiles have as many.
+    pub fn samples(&self) -> Option<u32> {
+        fs::read_to_string(self.folder.join("samples")).ok()?.trim().parse().ok()
+    }
+
+    /// Keeps the samples a pixel of a run under `time`.
+    pub fn save_samples(&self, samples: u32) -> io::Result<()> {
+        write_whole(&self.folder.join("samples"), |file| writeln!(file, "{samples}"))
+    }
+
     /// Keeps a finished tile.
     pub fn save(&self, tile: usize, result: &TileResult) -> io::Result<()> {
         let bytes = encode(result);

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 use sunglint_geometry::{Hit, Ray};
 use sunglint_radiometry::{STUDENT_T_95, WorldDir};
-use sunglint_tracer::{PixelTerms, Term, render_pixel_terms};
+use sunglint_tracer::{Accuracy, PixelTerms, Term, View, render_pixel_terms};
 
 use crate::plan::Run;
 
@@ -47,9 +47,13 @@ pub struct ExplainedBand {
     pub terms: Vec<(&'static str, f64)>,
 }
 
-/// Explains a pixel at one of the run's times. The samples are those of the image.
+/// Samples of a pixel under `time`, whose image takes as many as fit.
+const TIMED_SAMPLES: u32 = 256;
+
+/// Explains a pixel at one of the run's times. The samples are those of the image, but for a run under `time`: 256.
 pub fn explain(run: &Run, pixel: (u32, u32), time: usize, materials: &[String]) -> Explanation {
-    let terms = run.with_view(|view| render_pixel_terms(view, pixel, time));
+    let accuracy = if run.budget.is_some() { Accuracy::Samples(TIMED_SAMPLES) } else { run.accuracy };
+    let terms = run.with_view(|view| render_pixel_terms(&View { accuracy, ..*view }, pixel, time));
     let middle = run.camera.ray(f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5);
     let sight = Ray::new(middle.origin, middle.direction);
     let hit = run.scenery.world.closest(&sight);

@@ -5,7 +5,7 @@ use std::fmt;
 use rayon::prelude::*;
 use sunglint_geometry::Ray;
 use sunglint_radiometry::Channel;
-use sunglint_tracer::{RayCounts, Tile, TileResult, View, render_tile, tiles};
+use sunglint_tracer::{Accuracy, RayCounts, Tile, TileResult, View, render_tile, tiles};
 
 use crate::plan::Run;
 
@@ -51,7 +51,8 @@ impl Run {
     /// number of threads.
     pub fn render(&self) -> Frames {
         let tiles = self.tiles();
-        let results: Vec<TileResult> = tiles.par_iter().map(|tile| self.render_tile(*tile)).collect();
+        let accuracy = self.budget.map_or(self.accuracy, |seconds| Accuracy::Samples(self.samples_within(seconds)));
+        let results: Vec<TileResult> = tiles.par_iter().map(|tile| self.render_tile_as(*tile, accuracy)).collect();
         let mut frames = Frames::new(self);
         for (tile, result) in tiles.iter().zip(&results) {
             frames.insert(*tile, result, self.window);
@@ -69,9 +70,14 @@ impl Run {
         self.pixels != self.camera.pixels()
     }
 
-    /// Renders one tile at all times.
+    /// Renders one tile at all times, with the run's accuracy.
     pub fn render_tile(&self, tile: Tile) -> TileResult {
-        self.with_view(|view| render_tile(view, tile))
+        self.render_tile_as(tile, self.accuracy)
+    }
+
+    /// Renders one tile at all times, with an accuracy of the caller's.
+    pub fn render_tile_as(&self, tile: Tile, accuracy: Accuracy) -> TileResult {
+        self.with_view(|view| render_tile(&View { accuracy, ..*view }, tile))
     }
 
     /// The run as the tracer sees it.

@@ -1,6 +1,6 @@
 //! What runs, what is skipped, and why. The last place where a scene can fail: after it only writing can.
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -21,7 +21,7 @@ use crate::{Checked, Refused, grid, scenery, times};
 /// Most samples a pixel under `error`.
 const MOST_SAMPLES: u32 = 4096;
 /// Least samples a pixel under `time`.
-const LEAST_SAMPLES: u32 = 16;
+pub(crate) const LEAST_SAMPLES: u32 = 16;
 
 /// What a user may change without touching the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -30,7 +30,8 @@ pub struct Options {
     pub pixels: Option<(u32, u32)>,
     /// Samples a pixel in place of every experiment's accuracy.
     pub samples: Option<u32>,
-    /// Experiments to keep, by name, with all runs of a sweep; all where empty.
+    /// Experiments to keep: a name with all runs of its sweeps, a run's name (`haze/visibility=5km,seed=1`), or a name with
+    /// some of its values (`haze/seed=1`); all where empty.
     pub experiments: Vec<String>,
     /// Frames to keep, by label (`1992-06-18T160000Z`), instant or beginning of a label; all where empty.
     pub times: Vec<String>,
@@ -66,8 +67,12 @@ pub struct LeftOut {
 
 /// One experiment with one sensor: a view with all its times.
 pub struct Run {
-    /// Name of the experiment.
+    /// Name of the experiment's run: `haze/reflectance=phong,visibility=5km`, or `haze` where it sweeps nothing.
     pub experiment: String,
+    /// Swept values by name.
+    pub sweep: Vec<(String, String)>,
+    /// Constants that the experiment gives another value, as written.
+    pub constants: Vec<(String, String)>,
     /// Name of the sensor.
     pub sensor: String,
     /// Where its pixels look.
@@ -94,8 +99,10 @@ pub struct Run {
     pub atmosphere_name: String,
     /// The light of each time.
     pub light: Vec<Arc<Illumination>>,
-    /// How accurate.
+    /// How accurate; under `time` the least, [`Run::samples_within`] gives what fits.
     pub accuracy: sunglint_tracer::Accuracy,
+    /// Seconds that rendering may take, under `time`.
+    pub budget: Option<f64>,
     /// Seed of the experiment.
     pub seed: u64,
     /// Products.
@@ -133,9 +140,9 @@ pub struct Plan {
     pub materials: Vec<String>,
     /// What the scene as a whole skips.
     pub skips: Vec<Skip>,
-    /// Facets of the world, instances counted each.
+    /// Facets of the largest world, instances counted each.
     pub facets: usize,
-    /// Bytes of the acceleration structure and geometry.
+    /// Bytes of the acceleration structures and geometry of all distinct worlds.
     pub geometry_bytes: usize,
 }
 
@@ -149,10 +156,11 @@ impl Plan {
         let materials = scene.iter().flat_map(|scene| &scene.materials).map(|material| material.name.clone()).collect();
         let planned = scene.filter(|_| !has_error(&diagnostics)).and_then(|scene| {
             let hashes = files.hashes().clone();
-            Planner { scene: &scene, options, diagnostics: &mut diagnostics, hashes: &hashes }.plan()
+            plan_worlds(&scene, options, &mut diagnostics, &hashes)
         });
+        once_each(&mut diagnostics);
         match planned {
-            Some((runs, skips, world, title)) if !has_error(&diagnostics) => Ok(Self {
+            Some(Planned { runs, skips, facets, geometry_bytes, title }) if !has_error(&diagnostics) => Ok(Self {
                 runs,
                 title,
                 warnings: diagnostics,
@@ -160,8 +168,8 @@ impl Plan {
                 files: files.hashes().clone(),
                 materials,
                 skips,
-                facets: world.facet_count(),
-                geometry_bytes: world.memory_bytes(),
+                facets,
+                geometry_bytes,
             }),
             _ => Err(Refused { sources, diagnostics }),
         }
@@ -172,7 +180,7 @@ impl Plan {
         &self.runs
     }
 
-    /// The run of an experiment and sensor.
+    /// The run of an experiment and sensor, by their full names.
     pub fn run(&self, experiment: &str, sensor: &str) -> Option<&Run> {
         self.runs.iter().find(|run| run.experiment == experiment && run.sensor == sensor)
     }
@@ -182,18 +190,101 @@ fn has_error(diagnostics: &[Diagnostic]) -> bool {
     diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
 }
 
-struct Planner<'a> {
-    scene: &'a Scene,
-    options: &'a Options,
-    diagnostics: &'a mut Vec<Diagnostic>,
-    hashes: &'a BTreeMap<String, String>,
+struct Planner<'s, 'd> {
+    scene: &'s Scene,
+    options: &'d Options,
+    diagnostics: &'d mut Vec<Diagnostic>,
+    hashes: &'d BTreeMap<String, String>,
 }
 
-type Planned = (Vec<Run>, Vec<Skip>, Arc<World>, Option<String>);
+struct Planned {
+    runs: Vec<Run>,
+    skips: Vec<Skip>,
+    facets: usize,
+    geometry_bytes: usize,
+    title: Option<String>,
+}
 
-impl Planner<'_> {
-    fn plan(&mut self) -> Option<Planned> {
+/// What the runs of all worlds share, and what they come to.
+#[derive(Default)]
+struct Shared<'a> {
+    solved: Solved,
+    geometries: Vec<Geometry<'a>>,
+    /// Names of the frames of all runs, before the selection of times.
+    labels: Vec<String>,
+    /// With their place among all runs of the scene.
+    runs: Vec<(usize, Run)>,
+    skips: Vec<Skip>,
+}
+
+/// Geometry that was built, with all that it depends on.
+struct Geometry<'a> {
+    scene: &'a Scene,
+    /// Where the sensors stand; empty where no panel faces one.
+    faced: Vec<DVec3>,
+    world: Arc<World>,
+    objects: Vec<(u32, String)>,
+    unopened: Vec<String>,
+}
+
+/// Plans a scene under each of its sets of constants.
+fn plan_worlds(
+    scene: &Scene,
+    options: &Options,
+    diagnostics: &mut Vec<Diagnostic>,
+    hashes: &BTreeMap<String, String>,
+) -> Option<Planned> {
+    let names: Vec<&str> = scene.runs().iter().map(|(_, run)| run.name.as_str()).collect();
+    let mut bases: Vec<&str> = scene.runs().iter().map(|(_, run)| run.base.as_str()).collect();
+    bases.dedup();
+    let is_one = |wanted: &str, _: &str| names.iter().any(|name| is_experiment(wanted, name));
+    diagnostics.extend(unknown("experiment", &options.experiments, &bases, is_one));
+    let is_wanted = |run: &Experiment| wanted(&options.experiments, |name| is_experiment(name, &run.name));
+    let mut shared = Shared::default();
+    let mut complete = true;
+    for world in scene.worlds().filter(|world| world.experiments.iter().any(is_wanted)) {
+        complete &= Planner { scene: world, options, diagnostics, hashes }.plan(&is_wanted, &mut shared).is_some();
+    }
+    let Shared { solved, geometries, mut labels, mut runs, mut skips } = shared;
+    if !has_error(diagnostics) {
+        labels.sort_unstable();
+        labels.dedup();
+        let known: Vec<&str> = labels.iter().map(String::as_str).collect();
+        diagnostics.extend(unknown("time", &options.times, &known, is_time));
+    }
+    if solved.shared > 0 {
+        skips.push(Skip {
+            what: format!("{} solves of the air", solved.shared),
+            why: "another run has the same column, suns and grid".into(),
+        });
+    }
+    if runs.is_empty() && !has_error(diagnostics) {
+        diagnostics.push(
+            Diagnostic::whole("X01", "nothing is left to render: no experiment, sensor and time go together")
+                .help("see the `sensor` and `collect` lines of the experiments and sensors"),
+        );
+    }
+    runs.sort_by_key(|(order, _)| *order);
+    complete.then(|| Planned {
+        runs: runs.into_iter().map(|(_, run)| run).collect(),
+        skips,
+        facets: geometries.iter().map(|known| known.world.facet_count()).max().unwrap_or(0),
+        geometry_bytes: geometries.iter().map(|known| known.world.memory_bytes()).sum(),
+        title: scene.title.clone(),
+    })
+}
+
+/// Leaves each finding once: runs and worlds that share a fault tell of it alike.
+fn once_each(diagnostics: &mut Vec<Diagnostic>) {
+    let mut seen = HashSet::new();
+    diagnostics.retain(|fault| seen.insert((fault.code, fault.span, fault.message.clone())));
+}
+
+impl<'s> Planner<'s, '_> {
+    /// Plans the wanted experiments of one world.
+    fn plan(&mut self, is_wanted: &dyn Fn(&Experiment) -> bool, shared: &mut Shared<'s>) -> Option<()> {
         let scene = self.scene;
+        let before = self.diagnostics.len();
         let mut cameras: Vec<Option<Arc<dyn Camera>>> = Vec::new();
         for sensor in &scene.sensors {
             match scenery::camera(scene, sensor, self.options.pixels_of(sensor.pixels)) {
@@ -206,53 +297,57 @@ impl Planner<'_> {
         }
         let positions: Vec<DVec3> =
             cameras.iter().map(|camera| camera.as_ref().map_or(DVec3::ZERO, |camera| camera.position())).collect();
-        let built = scenery::build(scene, &positions, self.diagnostics);
+        let built = self.geometry(&positions, shared);
         let bands: Vec<Vec<Band>> =
             scene.sensors.iter().map(|sensor| scenery::bands(sensor, self.diagnostics)).collect();
         let built = built?;
         self.check_selection(&bands, &cameras);
-        if has_error(self.diagnostics) {
+        if has_error(&self.diagnostics[before..]) {
             return None;
         }
-        for (sensor, camera) in scene.sensors.iter().zip(&cameras) {
-            self.warn_of_view(sensor, camera.as_deref()?, &built.world);
-        }
-        let world = Arc::new(built.world);
-        let mut skips = scene_skips(scene, &built.unopened, &world);
-        let mut runs = Vec::new();
-        let mut solved = Solved::default();
-        let mut labels: Vec<String> = Vec::new();
-        for experiment in &scene.experiments {
-            if !wanted(&self.options.experiments, |name| is_experiment(name, &experiment.name)) {
-                continue;
+        let Geometry { world, objects, unopened, .. } = &shared.geometries[built];
+        let (world, objects) = (world.clone(), objects.clone());
+        for skip in scene_skips(scene, unopened, &world) {
+            if !shared.skips.contains(&skip) {
+                shared.skips.push(skip);
             }
+        }
+        for (sensor, camera) in scene.sensors.iter().zip(&cameras) {
+            self.warn_of_view(sensor, camera.as_deref()?, &world);
+        }
+        for experiment in scene.experiments.iter().filter(|run| is_wanted(run)) {
             for &s in &experiment.sensors {
                 let keeps = |band: &Band| wanted(&self.options.bands, |name| name == band.name);
                 if !wanted(&self.options.sensors, |name| name == scene.sensors[s].name) || !bands[s].iter().any(keeps) {
                     continue;
                 }
                 let camera = cameras[s].clone()?;
-                if let Some(run) =
-                    self.run(experiment, s, camera, &bands[s], &world, &built.objects, &mut solved, &mut labels)
-                {
-                    runs.push(run);
+                let (solved, labels) = (&mut shared.solved, &mut shared.labels);
+                if let Some(run) = self.run(experiment, s, camera, &bands[s], &world, &objects, solved, labels) {
+                    shared.runs.push((experiment.order, run));
                 }
             }
         }
-        if solved.shared > 0 {
-            skips.push(Skip {
-                what: format!("{} solves of the air", solved.shared),
-                why: "another run has the same column, suns and grid".into(),
-            });
+        Some(())
+    }
+
+    /// The geometry of this world, built once for all worlds in which it is the same.
+    fn geometry(&mut self, positions: &[DVec3], shared: &mut Shared<'s>) -> Option<usize> {
+        let scene = self.scene;
+        let faces =
+            |shape: &scene::Shape| matches!(shape, scene::Shape::Panel { facing: scene::Facing::Sensor(_), .. });
+        let faced = if scene.world.iter().any(faces) { positions.to_vec() } else { Vec::new() };
+        let known = shared.geometries.iter().position(|known| {
+            let same = known.scene;
+            known.faced == faced
+                && (same.ground, &same.world, &same.objects) == (scene.ground, &scene.world, &scene.objects)
+        });
+        if known.is_some() {
+            return known;
         }
-        self.check_times(&labels);
-        if runs.is_empty() && !has_error(self.diagnostics) {
-            self.diagnostics.push(
-                Diagnostic::whole("X01", "nothing is left to render: no experiment, sensor and time go together")
-                    .help("see the `sensor` and `collect` lines of the experiments and sensors"),
-            );
-        }
-        Some((runs, skips, world, scene.title.clone()))
+        let scenery::Built { world, objects, unopened } = scenery::build(scene, positions, self.diagnostics)?;
+        shared.geometries.push(Geometry { scene, faced, world: Arc::new(world), objects, unopened });
+        Some(shared.geometries.len() - 1)
     }
 
     /// Names of the selection that the scene does not have, and a crop beyond a view.
@@ -266,10 +361,8 @@ impl Planner<'_> {
                 }
             }
         }
-        let experiments: Vec<&str> = scene.experiments.iter().map(|experiment| experiment.name.as_str()).collect();
         let sensors: Vec<&str> = scene.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
         let named = |wanted: &str, name: &str| wanted == name;
-        self.diagnostics.extend(unknown("experiment", &options.experiments, &experiments, is_experiment));
         self.diagnostics.extend(unknown("sensor", &options.sensors, &sensors, named));
         self.diagnostics.extend(unknown("band", &options.bands, &known_bands, named));
         let Some(crop) = options.crop else { return };
@@ -289,16 +382,6 @@ impl Planner<'_> {
                     ),
                 );
             }
-        }
-    }
-
-    /// Times of the selection that no run has; `labels` are those of all runs that remain.
-    fn check_times(&mut self, labels: &[String]) {
-        if !has_error(self.diagnostics) {
-            let mut known: Vec<&str> = labels.iter().map(String::as_str).collect();
-            known.sort_unstable();
-            known.dedup();
-            self.diagnostics.extend(unknown("time", &self.options.times, &known, is_time));
         }
     }
 
@@ -391,7 +474,7 @@ impl Planner<'_> {
         let algorithm = self.bind(&experiment.algorithm, sunglint_tracer::BUILTIN, &grid)?;
         let channels = grid::channels(&grid, bands);
 
-        let scenery = self.surfaces(experiment, &grid, world);
+        let scenery = self.surfaces(experiment, &grid, world, solved);
         if has_error(&self.diagnostics[before..]) {
             return None;
         }
@@ -409,7 +492,7 @@ impl Planner<'_> {
             true => ground_albedo(scene, world, &scenery, grid.len()),
             false => vec![0.0; grid.len()],
         };
-        self.check_weather(provider.as_ref(), &experiment.atmosphere, &moments);
+        let unused = self.check_weather(provider.as_ref(), &experiment.atmosphere, &moments);
         let (light, columns_solved) =
             self.light(experiment, provider.as_ref(), &moments, &grid, &needs, &albedo, solved)?;
 
@@ -417,7 +500,8 @@ impl Planner<'_> {
         let whole = Tile { x: 0, y: 0, width, height };
         let window = self.options.crop.map_or(Some(whole), |crop| crop.within(camera.pixels()))?;
         let estimators = algorithm.estimators();
-        let skips = run_skips(algorithm.as_ref(), &scenery, bands, &grid, &light);
+        let mut skips = run_skips(algorithm.as_ref(), &scenery, bands, &grid, &light);
+        skips.extend(unused);
         let accuracy = match (self.options.samples, experiment.accuracy) {
             (Some(samples), _) => sunglint_tracer::Accuracy::Samples(samples),
             (None, Accuracy::Samples(samples)) => sunglint_tracer::Accuracy::Samples(samples),
@@ -425,6 +509,10 @@ impl Planner<'_> {
                 sunglint_tracer::Accuracy::Error { relative, floor, most: MOST_SAMPLES }
             }
             (None, Accuracy::Time { .. }) => sunglint_tracer::Accuracy::Samples(LEAST_SAMPLES),
+        };
+        let budget = match experiment.accuracy {
+            Accuracy::Time { seconds } if self.options.samples.is_none() => Some(seconds),
+            _ => None,
         };
         let models = (uses.iter())
             .filter_map(|(material, use_)| {
@@ -434,6 +522,8 @@ impl Planner<'_> {
             .collect();
         Some(Run {
             experiment: experiment.name.clone(),
+            sweep: experiment.sweep.clone(),
+            constants: experiment.constants.clone(),
             sensor: sensor.name.clone(),
             pixels: (window.width, window.height),
             window,
@@ -449,6 +539,7 @@ impl Planner<'_> {
             atmosphere_name: experiment.atmosphere.name.clone(),
             light,
             accuracy,
+            budget,
             seed: experiment.seed,
             products: experiment.products,
             models,
@@ -473,7 +564,7 @@ impl Planner<'_> {
     }
 
     /// The models that an experiment uses of materials (with their index).
-    fn model_uses<'s>(scene: &'s Scene, experiment: &Experiment) -> Vec<(Option<usize>, &'s ModelUse)> {
+    fn model_uses<'m>(scene: &'m Scene, experiment: &Experiment) -> Vec<(Option<usize>, &'m ModelUse)> {
         (experiment.models.iter().enumerate())
             .filter_map(|(m, chosen)| chosen.map(|i| (Some(m), &scene.materials[m].models[i])))
             .filter(|(m, _)| m.is_none_or(|m| scene.materials[m].used))
@@ -562,15 +653,28 @@ impl Planner<'_> {
         }
     }
 
-    fn surfaces(&mut self, experiment: &Experiment, grid: &SpectralGrid, world: &Arc<World>) -> Option<Scenery> {
+    fn surfaces(
+        &mut self,
+        experiment: &Experiment,
+        grid: &SpectralGrid,
+        world: &Arc<World>,
+        solved: &mut Solved,
+    ) -> Option<Scenery> {
         let scene = self.scene;
+        let grid_key = blake3::hash(format!("{grid:?}").as_bytes());
         let mut surfaces = Vec::new();
         for (m, material) in scene.materials.iter().enumerate() {
             let Some(chosen) = experiment.models[m].filter(|_| material.used) else {
                 surfaces.push(None);
                 continue;
             };
-            let bound: Option<Arc<dyn Bsdf>> = self.bind(&material.models[chosen], sunglint_reflectance::BUILTIN, grid);
+            let use_ = &material.models[chosen];
+            let key = blake3::hash(format!("{} {:?} {grid_key}", use_.name, use_.args).as_bytes());
+            let bound = match solved.surfaces.get(&key) {
+                Some(known) => Some(known.clone()),
+                None => self.bind(use_, sunglint_reflectance::BUILTIN, grid),
+            };
+            solved.surfaces.extend(bound.iter().map(|bound| (key, bound.clone())));
             let emission = match material.emission.as_ref().filter(|value| !value.is_zero()).map(|value| value.on(grid))
             {
                 Some(Ok(values)) => Some(values.into()),
@@ -583,8 +687,14 @@ impl Planner<'_> {
     }
 
     /// Weather fields that the atmosphere does not use.
-    fn check_weather(&mut self, provider: &dyn Atmosphere, use_: &ModelUse, moments: &[(Moment, Weather)]) {
+    fn check_weather(
+        &mut self,
+        provider: &dyn Atmosphere,
+        use_: &ModelUse,
+        moments: &[(Moment, Weather)],
+    ) -> Vec<Skip> {
         let mut told = Vec::new();
+        let mut skips: Vec<Skip> = Vec::new();
         for (_, weather) in moments {
             for (field, span) in &weather.spans {
                 let known = *field == "aerosol" && weather.aerosol.as_deref() == Some("rural");
@@ -592,6 +702,13 @@ impl Planner<'_> {
                     continue;
                 }
                 told.push(*span);
+                let skip = Skip {
+                    what: format!("`{field}` of the weather"),
+                    why: format!("the atmosphere `{}` does not use it", use_.name),
+                };
+                if !skips.contains(&skip) {
+                    skips.push(skip);
+                }
                 let diagnostic =
                     Diagnostic::warning("A01", *span, format!("the atmosphere `{}` does not use `{field}`", use_.name))
                         .help(match provider.uses() {
@@ -603,6 +720,7 @@ impl Planner<'_> {
                 }
             }
         }
+        skips
     }
 
     #[allow(clippy::too_many_arguments)]
@@ -705,6 +823,8 @@ impl Planner<'_> {
         feed(&sensor.name);
         feed(&format!("{pixels:?} {window:?} {:?} {:?}", self.options.samples, self.options.bands));
         moments.iter().for_each(|(moment, _)| feed(&moment.label));
+        // Names of values may be cut; these are as written. Their order tells apart what is spelt alike.
+        feed(&format!("{} {:?} {:?}", experiment.order, experiment.sweep, experiment.constants));
         for hash in self.hashes.values() {
             feed(hash);
         }
@@ -739,6 +859,8 @@ fn material_codes(scene: &Scene) -> Vec<(u16, String)> {
 #[derive(Default)]
 struct Solved {
     skies: HashMap<String, Arc<Illumination>>,
+    /// Surfaces by model, arguments and grid.
+    surfaces: HashMap<blake3::Hash, Arc<dyn Bsdf>>,
     shared: usize,
 }
 

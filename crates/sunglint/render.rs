@@ -9,7 +9,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use sunglint_tracer::{RayCounts, Tile, TileResult};
+use sunglint_tracer::{Accuracy, RayCounts, Tile, TileResult};
 
 use crate::cache::TileStore;
 use crate::frames::{Frame, copy_tile, insert_frame};
@@ -77,6 +77,8 @@ pub struct Rendered {
     pub rays: RayCounts,
     /// Seconds of rendering and of writing.
     pub seconds: (f64, f64),
+    /// Samples a pixel that fitted into the run's `time`; `None` without one, or where nothing had changed.
+    pub timed_samples: Option<u32>,
 }
 
 /// Renders every run of a plan beneath `out`. A run's folder holds one render: a selection is not written over one that
@@ -115,10 +117,21 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
             tiles_resumed: tiles.len(),
             rays,
             seconds: (0.0, 0.0),
+            timed_samples: None,
         });
     }
     let started = Instant::now();
     let store = TileStore::new(out, &run.key);
+    // The number is chosen once: a run that goes on after a kill takes the one of its finished tiles.
+    let timed_samples = match run.budget {
+        Some(seconds) => {
+            let samples = store.samples().unwrap_or_else(|| run.samples_within(seconds));
+            store.save_samples(samples).map_err(at(out))?;
+            Some(samples)
+        }
+        None => None,
+    };
+    let accuracy = timed_samples.map_or(run.accuracy, Accuracy::Samples);
     let resumed = AtomicU64::new(0);
     let failed = AtomicBool::new(false);
     let counts: Result<Vec<RayCounts>, RenderError> = (tiles.par_iter().enumerate())
@@ -131,7 +144,7 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
                 progress.tile(true, 0);
                 return Ok(result.rays);
             }
-            let result = run.render_tile(*tile);
+            let result = run.render_tile_as(*tile, accuracy);
             store.save(i, &result).map_err(|source| {
                 failed.store(true, Ordering::Relaxed);
                 RenderError::Write { path: out.to_path_buf(), source }
@@ -162,6 +175,7 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
         tiles_resumed: resumed,
         rays,
         seconds,
+        timed_samples,
     };
     let text = format!("{:#}\n", manifest_of(plan, run, &rendered));
     write_whole(&manifest, |file| io::Write::write_all(file, text.as_bytes())).map_err(at(&manifest))?;
@@ -349,6 +363,10 @@ fn attributes(run: &Run, t: Option<usize>) -> Vec<(&'static str, String)> {
         let crop = format!("{},{},{}x{}", window.x, window.y, window.width, window.height);
         attributes.push(("sunglint:crop", format!("{crop} of {}x{}", view.0, view.1)));
     }
+    if !run.constants.is_empty() {
+        let constants: Vec<String> = run.constants.iter().map(|(name, value)| format!("{name} {value}")).collect();
+        attributes.push(("sunglint:constants", constants.join("; ")));
+    }
     if let Some(moment) = t.map(|t| &run.moments[t]) {
         attributes.push(("sunglint:time", moment.utc.map_or_else(|| moment.label.clone(), times::iso)));
         if let Some(sun) = &moment.sun {
@@ -440,6 +458,11 @@ fn write_previews(run: &Run, folder: &Path, frame: &Frame, stretches: &[Stretch]
     Ok(())
 }
 
+/// Swept values or constants as a JSON object.
+pub fn settings_json(settings: &[(String, String)]) -> Value {
+    settings.iter().map(|(name, value)| (name.clone(), Value::from(value.as_str()))).collect()
+}
+
 /// Skips as JSON.
 pub fn skips_json(skips: &[Skip]) -> Value {
     skips.iter().map(|skip| json!({"what": skip.what, "why": skip.why})).collect()
@@ -484,6 +507,8 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "key": run.key,
         "title": plan.title,
         "experiment": run.experiment,
+        "sweep": settings_json(&run.sweep),
+        "constants": settings_json(&run.constants),
         "sensor": run.sensor,
         "pixels": [run.pixels.0, run.pixels.1],
         "crop": run.is_crop().then(|| [run.window.x, run.window.y, run.window.width, run.window.height]),
@@ -492,7 +517,9 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "algorithm": run.algorithm_name,
         "atmosphere": run.atmosphere_name,
         "models": run.models,
-        "accuracy": format!("{:?}", run.accuracy),
+        "accuracy": format!("{:?}", rendered.timed_samples.map_or(run.accuracy, Accuracy::Samples)),
+        "time_s": run.budget,
+        "samples": rendered.timed_samples,
         "seed": run.seed,
         "unit": RADIANCE_UNIT,
         "channels": channels,
@@ -501,8 +528,8 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "objects": run.objects.iter().map(|(id, name)| json!({"id": id, "name": name})).collect::<Vec<_>>(),
         "materials": run.materials.iter().map(|(code, name)| json!({"code": code, "name": name})).collect::<Vec<_>>(),
         "inputs_blake3": files,
-        "facets": plan.facets,
-        "geometry_bytes": plan.geometry_bytes,
+        "facets": run.scenery.world.facet_count(),
+        "geometry_bytes": run.scenery.world.memory_bytes(),
         "threads": rayon::current_num_threads(),
         "render_s": rendered.seconds.0,
         "write_s": rendered.seconds.1,

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use serde_json::{Value, json};
 use sunglint::tracer::Accuracy;
-use sunglint::{Plan, Run, moments_json, skips_json};
+use sunglint::{Plan, Run, moments_json, settings_json, skips_json};
 
 use super::{Only, Outcome, plan_of, print, print_json};
 
@@ -36,6 +36,9 @@ impl PlanScene {
 }
 
 fn accuracy(run: &Run) -> String {
+    if let Some(seconds) = run.budget {
+        return format!("as many samples a pixel as fit into {seconds} s, at least 16, chosen by a pilot");
+    }
     match run.accuracy {
         Accuracy::Samples(n) => format!("{} samples a pixel", n.next_multiple_of(16)),
         Accuracy::Error { relative, most, .. } => {
@@ -56,6 +59,10 @@ fn text(plan: &Plan) -> String {
             .collect();
         let view = run.camera.pixels();
         out += &format!("\nexperiment {}, sensor {}\n", run.experiment, run.sensor);
+        if !run.constants.is_empty() {
+            let constants: Vec<String> = run.constants.iter().map(|(name, value)| format!("{name} {value}")).collect();
+            out += &format!("  constants: {}\n", constants.join(", "));
+        }
         out += &format!(
             "  {} x {} pixels{}, {} time{}, {} band{}: {}\n",
             run.pixels.0,
@@ -102,6 +109,8 @@ fn to_json(plan: &Plan) -> Value {
                 .collect();
             json!({
                 "experiment": run.experiment,
+                "sweep": settings_json(&run.sweep),
+                "constants": settings_json(&run.constants),
                 "sensor": run.sensor,
                 "pixels": [run.pixels.0, run.pixels.1],
                 "times": moments_json(run),
@@ -109,6 +118,7 @@ fn to_json(plan: &Plan) -> Value {
                 "algorithm": run.algorithm_name,
                 "atmosphere": run.atmosphere_name,
                 "accuracy": accuracy(run),
+                "time_s": run.budget,
                 "grid_entries": run.grid.len(),
                 "columns_solved": run.columns_solved,
                 "models": run.models,

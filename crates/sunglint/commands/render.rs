@@ -98,12 +98,16 @@ impl Progress for Bar {
         }
         let rays = &rendered.rays;
         let cast = rays.camera + rays.hemisphere + rays.mirror + rays.sun;
+        let samples = match rendered.timed_samples {
+            Some(n) => format!(", {n} samples a pixel"),
+            None => String::new(),
+        };
         let resumed = match rendered.tiles_resumed {
             0 => String::new(),
             n => format!(", {n} tiles from before"),
         };
         note(&format!(
-            "{name}: {} frame{} in {:.1} s and {:.1} s of writing, {:.1} million rays{resumed} ({folder})",
+            "{name}: {} frame{} in {:.1} s and {:.1} s of writing, {:.1} million rays{samples}{resumed} ({folder})",
             rendered.frames,
             if rendered.frames == 1 { "" } else { "s" },
             rendered.seconds.0,

@@ -398,7 +398,8 @@ impl<'a> Checker<'a> {
         };
         let bytes = own(&scene.world) + scene.objects.iter().map(|object| own(&object.shapes)).sum::<usize>();
         let total = bytes.saturating_mul(n);
-        if total > MOST_BYTES {
+        let fits = n < 2 || total <= MOST_BYTES;
+        if !fits {
             let message = format!("{n} sets of constants make {n} scenes, {:.1} GB of geometry", total as f64 / 1e9);
             let fault = match place {
                 Some(place) => Diagnostic::error("G05", place, message),
@@ -406,7 +407,7 @@ impl<'a> Checker<'a> {
             };
             self.report(fault.label("fewer values, or a mesh from a file?"));
         }
-        total <= MOST_BYTES
+        fits
     }
 }
 
