@@ -29,6 +29,7 @@ pub use frames::{Frame, Frames};
 pub use plan::{Options, Plan, Run, Skip};
 pub use render::{Progress, RenderError, Rendered, moments_json, rays_json, render, skips_json};
 pub use report::{render as render_diagnostics, to_json as diagnostics_to_json};
+pub use scenery::ObjectIds;
 pub use sunglint_dsl::{Diagnostic, Severity, Sources};
 pub use times::{Moment, iso, parse_utc, sun_at};
 

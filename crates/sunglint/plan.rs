@@ -82,8 +82,8 @@ pub struct Run {
     pub skips: Vec<Skip>,
     /// Estimators of the algorithm.
     pub estimators: Vec<String>,
-    /// Names by object id.
-    pub objects: Vec<(u32, String)>,
+    /// What object ids mean, ascending.
+    pub objects: Vec<scenery::ObjectIds>,
     /// Hash of everything that the frames depend on.
     pub key: String,
     /// Tells sensors apart in the sampler.
@@ -186,7 +186,7 @@ impl Planner<'_> {
             return None;
         }
         for (sensor, camera) in scene.sensors.iter().zip(&cameras) {
-            self.warn_of_view(sensor, camera.as_deref()?, &built.world);
+            self.warn_of_view(sensor, camera.as_deref()?, &built.world, &built.surface);
         }
         let world = Arc::new(built.world);
         let mut skips = scene_skips(scene, &built.unopened, &world);
@@ -219,7 +219,7 @@ impl Planner<'_> {
         Some((runs, skips, world, scene.title.clone()))
     }
 
-    fn warn_of_view(&mut self, sensor: &Sensor, camera: &dyn Camera, world: &World) {
+    fn warn_of_view(&mut self, sensor: &Sensor, camera: &dyn Camera, world: &World, surface: &scenery::Surface) {
         let (w, h) = camera.pixels();
         if let Some(ground) = world.ground()
             && camera.position().z < ground.height
@@ -229,6 +229,17 @@ impl Planner<'_> {
                 sensor.span,
                 format!("sensor `{}` stands below the ground", sensor.name),
             ));
+        }
+        let position = camera.position();
+        if let Some(height) = surface.terrain.as_ref().and_then(|terrain| terrain.height_at(position.x, position.y))
+            && position.z < height
+        {
+            let message = format!("sensor `{}` stands {:.1} m below the terrain", sensor.name, height - position.z);
+            self.diagnostics.push(
+                Diagnostic::warning("V02", sensor.span, message)
+                    .label(format!("z above {height:.1} m?"))
+                    .help("heights of a terrain count from z = 0, not from the terrain itself"),
+            );
         }
         let (w, h) = (f64::from(w), f64::from(h));
         let sees = (0..=16).any(|i| {
@@ -258,7 +269,7 @@ impl Planner<'_> {
         camera: Arc<dyn Camera>,
         bands: &[Band],
         world: &Arc<World>,
-        objects: &[(u32, String)],
+        objects: &[scenery::ObjectIds],
         solved: &mut Solved,
     ) -> Option<Run> {
         let scene = self.scene;
