@@ -7,6 +7,8 @@
 
 #[path = "analytic/pose.rs"]
 mod pose;
+#[path = "analytic/relief.rs"]
+mod relief;
 
 use std::f64::consts::PI;
 use std::fmt::Write;

@@ -69,8 +69,7 @@ pub fn explain(run: &Run, pixel: (u32, u32), time: usize, materials: &[String]) 
 }
 
 fn object_name(run: &Run, id: u32) -> String {
-    let named = run.objects.iter().find(|(known, _)| *known == id);
-    named.map_or_else(|| "ground".to_string(), |(_, name)| name.clone())
+    run.objects.iter().find_map(|objects| objects.name_of(id)).unwrap_or_else(|| "ground".to_string())
 }
 
 fn band(run: &Run, terms: &PixelTerms, hit: Option<&Hit>, outgoing: WorldDir, time: usize, c: usize) -> ExplainedBand {

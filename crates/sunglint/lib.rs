@@ -40,6 +40,7 @@ pub use plan::{LeftOut, Options, Plan, Run, Skip};
 pub use products::{Image, ImageBand, ReadError, Samples, read_image, write_whole};
 pub use render::{Progress, RenderError, Rendered, moments_json, rays_json, render, settings_json, skips_json};
 pub use report::{render as render_diagnostics, to_json as diagnostics_to_json};
+pub use scenery::ObjectIds;
 pub use selection::Crop;
 pub use snapshot::{FoundScenes, SnapshotError, TestOutcome, TestedRun, TestedScene, find_scenes, test_scene};
 pub use sunglint_dsl::{Diagnostic, Severity, Sources};

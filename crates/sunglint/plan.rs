@@ -115,8 +115,8 @@ pub struct Run {
     pub skips: Vec<Skip>,
     /// Estimators of the algorithm.
     pub estimators: Vec<String>,
-    /// Names by object id.
-    pub objects: Vec<(u32, String)>,
+    /// What object ids mean, ascending.
+    pub objects: Vec<scenery::ObjectIds>,
     /// Names by code of the materials in use, ascending.
     pub materials: Vec<(u16, String)>,
     /// Hash of everything that the frames depend on.
@@ -223,8 +223,9 @@ struct Geometry<'a> {
     /// Where the sensors stand; empty where no panel faces one.
     faced: Vec<DVec3>,
     world: Arc<World>,
-    objects: Vec<(u32, String)>,
+    objects: Vec<scenery::ObjectIds>,
     unopened: Vec<String>,
+    surface: scenery::Surface,
 }
 
 /// Plans a scene under each of its sets of constants.
@@ -305,15 +306,15 @@ impl<'s> Planner<'s, '_> {
         if has_error(&self.diagnostics[before..]) {
             return None;
         }
-        let Geometry { world, objects, unopened, .. } = &shared.geometries[built];
+        let Geometry { world, objects, unopened, surface, .. } = &shared.geometries[built];
         let (world, objects) = (world.clone(), objects.clone());
+        for (sensor, camera) in scene.sensors.iter().zip(&cameras) {
+            self.warn_of_view(sensor, camera.as_deref()?, &world, surface);
+        }
         for skip in scene_skips(scene, unopened, &world) {
             if !shared.skips.contains(&skip) {
                 shared.skips.push(skip);
             }
-        }
-        for (sensor, camera) in scene.sensors.iter().zip(&cameras) {
-            self.warn_of_view(sensor, camera.as_deref()?, &world);
         }
         for experiment in scene.experiments.iter().filter(|run| is_wanted(run)) {
             for &s in &experiment.sensors {
@@ -340,13 +341,14 @@ impl<'s> Planner<'s, '_> {
         let known = shared.geometries.iter().position(|known| {
             let same = known.scene;
             known.faced == faced
-                && (same.ground, &same.world, &same.objects) == (scene.ground, &scene.world, &scene.objects)
+                && (same.ground, &same.terrain, &same.world, &same.objects)
+                    == (scene.ground, &scene.terrain, &scene.world, &scene.objects)
         });
         if known.is_some() {
             return known;
         }
-        let scenery::Built { world, objects, unopened } = scenery::build(scene, positions, self.diagnostics)?;
-        shared.geometries.push(Geometry { scene, faced, world: Arc::new(world), objects, unopened });
+        let scenery::Built { world, objects, unopened, surface } = scenery::build(scene, positions, self.diagnostics)?;
+        shared.geometries.push(Geometry { scene, faced, world: Arc::new(world), objects, unopened, surface });
         Some(shared.geometries.len() - 1)
     }
 
@@ -385,7 +387,7 @@ impl<'s> Planner<'s, '_> {
         }
     }
 
-    fn warn_of_view(&mut self, sensor: &Sensor, camera: &dyn Camera, world: &World) {
+    fn warn_of_view(&mut self, sensor: &Sensor, camera: &dyn Camera, world: &World, surface: &scenery::Surface) {
         let (w, h) = camera.pixels();
         if let Some(ground) = world.ground()
             && camera.position().z < ground.height
@@ -395,6 +397,17 @@ impl<'s> Planner<'s, '_> {
                 sensor.span,
                 format!("sensor `{}` stands below the ground", sensor.name),
             ));
+        }
+        let position = camera.position();
+        if let Some(height) = surface.terrain.as_ref().and_then(|terrain| terrain.height_at(position.x, position.y))
+            && position.z < height
+        {
+            let message = format!("sensor `{}` stands {:.1} m below the terrain", sensor.name, height - position.z);
+            self.diagnostics.push(
+                Diagnostic::warning("V02", sensor.span, message)
+                    .label(format!("z above {height:.1} m?"))
+                    .help("heights of a terrain count from z = 0, not from the terrain itself"),
+            );
         }
         let (w, h) = (f64::from(w), f64::from(h));
         let sees = (0..=16).any(|i| {
@@ -424,7 +437,7 @@ impl<'s> Planner<'s, '_> {
         camera: Arc<dyn Camera>,
         bands: &[Band],
         world: &Arc<World>,
-        objects: &[(u32, String)],
+        objects: &[scenery::ObjectIds],
         solved: &mut Solved,
         labels: &mut Vec<String>,
     ) -> Option<Run> {

@@ -18,6 +18,7 @@ use crate::products::{
     Raster, RasterChannel, Stretch, StretchCollector, composite_bands, write_envi, write_exr, write_png_gray,
     write_png_rgb, write_whole,
 };
+use crate::scenery::ObjectIds;
 use crate::times;
 
 /// Bytes of frames that are assembled at a time.
@@ -432,12 +433,28 @@ fn write_truth(run: &Run, folder: &Path, truth: &[Vec<f32>], samples: &Vec<f32>)
         TRUTH.iter().zip(truth).map(|((name, unit), image)| (*name, *unit, image)).collect();
     maps.push(("samples", "1", samples));
     let mut attributes = attributes(run, None);
-    let objects: Vec<String> = run.objects.iter().map(|(id, name)| format!("{id} {name}")).collect();
+    let objects: Vec<String> = run.objects.iter().map(described).collect();
     attributes.push(("sunglint:objects", objects.join("; ")));
     let materials: Vec<String> = run.materials.iter().map(|(code, name)| format!("{code} {name}")).collect();
     attributes.push(("sunglint:materials", materials.join("; ")));
     let path = folder.join("truth.exr");
     write_exr(&path, &map_raster(run, &maps), &attributes).map_err(at(&path))
+}
+
+/// `7 truck`, or `8..1000007 oak.1..` for the members of a statement that has very many.
+fn described(ids: &ObjectIds) -> String {
+    match ids.count {
+        1 => format!("{} {}", ids.first, ids.name),
+        n => format!("{}..{} {}.1..", ids.first, ids.first + n.saturating_sub(1), ids.name),
+    }
+}
+
+/// One object; with `count`, that many members whose ids and numbers count on.
+fn object_json(ids: &ObjectIds) -> Value {
+    match ids.count {
+        1 => json!({"id": ids.first, "name": ids.name}),
+        n => json!({"id": ids.first, "name": format!("{}.1", ids.name), "count": n}),
+    }
 }
 
 fn write_previews(run: &Run, folder: &Path, frame: &Frame, stretches: &[Stretch]) -> Result<(), RenderError> {
@@ -525,7 +542,7 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "channels": channels,
         "grid_entries": run.grid.len(),
         "times": moments_json(run),
-        "objects": run.objects.iter().map(|(id, name)| json!({"id": id, "name": name})).collect::<Vec<_>>(),
+        "objects": run.objects.iter().map(object_json).collect::<Vec<_>>(),
         "materials": run.materials.iter().map(|(code, name)| json!({"code": code, "name": name})).collect::<Vec<_>>(),
         "inputs_blake3": files,
         "facets": run.scenery.world.facet_count(),

@@ -1,35 +1,74 @@
 //! From the checked scene to geometry, cameras and bands.
 
-use glam::{DAffine3, DQuat, DVec2, DVec3};
-use sunglint_dsl::scene::{self, Bands, Facing, Optics, Projection, SensorPose, Shape};
+mod surface;
+
+use glam::{DAffine3, DQuat, DVec3};
+use sunglint_dsl::scene::{self, Bands, Facing, Optics, Projection, SensorPose, Shape, Solid};
 use sunglint_dsl::{Diagnostic, Scene, Span};
 use sunglint_geometry::{
-    Facet, FacetError, Ground, Instance, MaterialId, Mesh, MeshBuilder, ObjError, ObjKind, ObjSkipped, Pose, Up, World,
+    Facet, FacetError, Ground, Instance, Leaves, MaterialId, Mesh, MeshBuilder, ObjError, ObjKind, ObjSkipped, Pose, Region,
+    Scatter, Up, World, cone_facets, cylinder_facets, scatter, sphere_facets,
 };
 use sunglint_radiometry::WorldDir;
 use sunglint_sensor::{Band, BandResponse, Camera, FrameCamera, FramePose, Orthographic, Standoff};
 
+use self::surface::Off;
+pub use self::surface::Surface;
+
 /// Object id of facets that stand in the scene itself rather than in a placed object.
 pub const SCENE_OBJECT: u32 = 1;
+
+/// What geometry may take in memory \[bytes\], by the shares of a placement and of a triangle below.
+const MOST_BYTES: u64 = 16_000_000_000;
+const BYTES_PER_PLACEMENT: u64 = 500;
+const BYTES_PER_TRIANGLE: u64 = 150;
+/// What an object may hold of others in its own mesh even where instances would take less: rays are faster in one mesh.
+const LITTLE: u64 = 100_000_000;
+/// Members that are named one by one in truth maps; of a statement with more only the first is.
+const MOST_NAMED: u32 = 1000;
 
 /// The geometry of a scene.
 pub struct Built {
     /// Rays meet this.
     pub world: World,
-    /// Names by object id, for truth maps.
-    pub objects: Vec<(u32, String)>,
+    /// What ids in truth maps mean, ascending.
+    pub objects: Vec<ObjectIds>,
     /// Meshes that were not opened because nothing places them.
     pub unopened: Vec<String>,
+    /// Heights on which things stand.
+    pub surface: Surface,
 }
 
-/// Builds the geometry; every fault of every mesh and facet is reported.
+/// Consecutive object ids: one object, or the members of a statement that has very many.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ObjectIds {
+    /// The first id.
+    pub first: u32,
+    /// How many.
+    pub count: u32,
+    /// Name of the object; members of a statement count on from `.1`.
+    pub name: String,
+}
+
+impl ObjectIds {
+    /// The name of an id, if it is one of these.
+    pub fn name_of(&self, id: u32) -> Option<String> {
+        let member = id.checked_sub(self.first).filter(|member| *member < self.count)?;
+        Some(if self.count == 1 { self.name.clone() } else { format!("{}.{}", self.name, member + 1) })
+    }
+}
+
+/// Builds the geometry; every fault of every mesh, grid and facet is reported.
 pub fn build(scene: &Scene, sensors: &[DVec3], diagnostics: &mut Vec<Diagnostic>) -> Option<Built> {
+    let errors_before = diagnostics.len();
+    let (surface, relief) = Surface::read(scene, diagnostics);
+    let of_object = (0..scene.objects.len()).map(|_| None).collect();
+    let uses = uses(scene);
     let mut builder =
-        Builder { scene, sensors, diagnostics, meshes: Vec::new(), of_object: vec![None; scene.objects.len()] };
-    let errors_before = builder.diagnostics.len();
-    let own = builder.mesh(&scene.world, false);
+        Builder { scene, sensors, diagnostics, surface, meshes: Vec::new(), of_object, uses, bytes: 0, told: false };
+    let own = builder.facets(&scene.world, false).finish();
     let mut instances = Vec::new();
-    let mut objects = vec![(SCENE_OBJECT, "scene".to_string())];
+    let mut objects = vec![ObjectIds { first: SCENE_OBJECT, count: 1, name: "scene".into() }];
     if own.facet_count() > 0 {
         builder.meshes.push(own);
         let mesh = builder.meshes.len() - 1;
@@ -37,28 +76,39 @@ pub fn build(scene: &Scene, sensors: &[DVec3], diagnostics: &mut Vec<Diagnostic>
     }
     let mut next = SCENE_OBJECT + 1;
     for shape in &scene.world {
-        if let Shape::Place { object, name, poses, .. } = shape {
-            for (i, pose) in poses.iter().enumerate() {
-                let base = name.clone().unwrap_or_else(|| scene.objects[*object].name.clone());
-                let name = if poses.len() > 1 { format!("{base}.{}", i + 1) } else { base };
-                objects.push((next, name.clone()));
-                builder.place(*object, matrix(pose), &name, next, &mut instances);
-                next += 1;
+        let Some((object, name, members)) = builder.members(shape, false) else { continue };
+        let base = name.unwrap_or_else(|| scene.objects[object].name.clone());
+        let count = members.len() as u32;
+        if count <= 1 || count > MOST_NAMED {
+            objects.push(ObjectIds { first: next, count, name: base.clone() });
+        }
+        for (i, pose) in members.into_iter().enumerate() {
+            let mut name = base.clone();
+            if (2..=MOST_NAMED).contains(&count) {
+                name = format!("{base}.{}", i + 1);
+                objects.push(ObjectIds { first: next, count: 1, name: name.clone() });
             }
+            builder.place(object, pose, &name, next, &mut instances);
+            next += 1;
         }
     }
-    let placed: Vec<bool> = builder.of_object.iter().map(Option::is_some).collect();
-    let unopened = (scene.objects.iter().zip(&placed))
-        .filter(|(_, placed)| !**placed)
+    if let Some(relief) = relief {
+        builder.meshes.push(relief);
+        let mesh = builder.meshes.len() - 1;
+        instances.push(Instance { mesh, pose: DAffine3::IDENTITY, name: "terrain".into(), id: next });
+        objects.push(ObjectIds { first: next, count: 1, name: "terrain".into() });
+    }
+    let unopened = (scene.objects.iter().zip(&builder.of_object))
+        .filter(|(_, prepared)| prepared.is_none())
         .map(|(object, _)| object.name.clone())
         .collect();
-    let meshes = std::mem::take(&mut builder.meshes);
+    let Builder { meshes, surface, diagnostics, .. } = builder;
     if diagnostics[errors_before..].iter().any(|d| d.severity == sunglint_dsl::Severity::Error) {
         return None;
     }
     let ground = scene.ground.map(|g| Ground { height: g.height, material: MaterialId(g.material as u32) });
     match World::new(meshes, instances, ground) {
-        Ok(world) => Some(Built { world, objects, unopened }),
+        Ok(world) => Some(Built { world, objects, unopened, surface }),
         Err(error) => {
             diagnostics.push(Diagnostic::whole("G05", error.to_string()));
             None
@@ -70,45 +120,229 @@ struct Builder<'a> {
     scene: &'a Scene,
     sensors: &'a [DVec3],
     diagnostics: &'a mut Vec<Diagnostic>,
+    surface: Surface,
     meshes: Vec<Mesh>,
-    /// Index of the mesh of each object, once it was placed; an object without facets of its own has none.
-    of_object: Vec<Option<Option<usize>>>,
+    /// Each object, once it was placed.
+    of_object: Vec<Option<Prepared>>,
+    /// How often each object stands in the world.
+    uses: Vec<u64>,
+    /// What members take so far, and whether it was told that it is too much.
+    bytes: u64,
+    told: bool,
+}
+
+/// An object ready to be placed.
+struct Prepared {
+    /// Index of its mesh; none without facets.
+    mesh: Option<usize>,
+    /// Objects that it places and does not hold in its mesh.
+    links: Vec<(usize, DAffine3)>,
+    /// Instances that one placement makes.
+    instances: u64,
 }
 
 fn matrix(pose: &scene::Pose) -> DAffine3 {
     Pose { at: pose.at, heading: pose.heading, pitch: pose.pitch, roll: pose.roll, scale: pose.scale }.matrix()
 }
 
-impl Builder<'_> {
-    /// An object and all that it places, at `pose`; meshes are shared by all placements.
-    fn place(&mut self, object: usize, pose: DAffine3, name: &str, id: u32, instances: &mut Vec<Instance>) {
-        let shapes = &self.scene.objects[object].shapes;
-        let mesh = match self.of_object[object] {
-            Some(mesh) => mesh,
-            None => {
-                let built = self.mesh(shapes, true);
-                let mesh = (built.facet_count() > 0).then(|| {
-                    self.meshes.push(built);
-                    self.meshes.len() - 1
-                });
-                self.of_object[object] = Some(mesh);
-                mesh
-            }
-        };
-        if let Some(mesh) = mesh {
-            instances.push(Instance { mesh, pose, name: name.to_string(), id });
-        }
-        for shape in shapes {
-            if let Shape::Place { object, poses, .. } = shape {
-                for inner in poses {
-                    self.place(*object, pose * matrix(inner), name, id, instances);
-                }
+/// Which object a shape places, and how often.
+fn placed(shape: &Shape) -> Option<(usize, u64)> {
+    match shape {
+        Shape::Place { object, poses, .. } => Some((*object, poses.len() as u64)),
+        Shape::Scatter(scatter) => Some((scatter.object, scatter.count)),
+        _ => None,
+    }
+}
+
+/// How often each object stands in the world, at any depth. Objects do not place each other in circles.
+fn uses(scene: &Scene) -> Vec<u64> {
+    let mut uses = vec![0_u64; scene.objects.len()];
+    let mut waits_for = vec![0_usize; uses.len()];
+    for (inner, _) in scene.objects.iter().flat_map(|object| object.shapes.iter().filter_map(placed)) {
+        waits_for[inner] += 1;
+    }
+    for (object, n) in scene.world.iter().filter_map(placed) {
+        uses[object] = uses[object].saturating_add(n);
+    }
+    let mut ready: Vec<usize> = (0..uses.len()).filter(|object| waits_for[*object] == 0).collect();
+    while let Some(object) = ready.pop() {
+        for (inner, n) in scene.objects[object].shapes.iter().filter_map(placed) {
+            uses[inner] = uses[inner].saturating_add(uses[object].saturating_mul(n));
+            waits_for[inner] -= 1;
+            if waits_for[inner] == 0 {
+                ready.push(inner);
             }
         }
     }
+    uses
+}
+
+impl Builder<'_> {
+    /// An object and all that it places, at `pose`; meshes are shared by all placements.
+    fn place(&mut self, object: usize, pose: DAffine3, name: &str, id: u32, instances: &mut Vec<Instance>) {
+        self.prepare(object);
+        let Some(prepared) = &self.of_object[object] else { return };
+        if let Some(mesh) = prepared.mesh {
+            instances.push(Instance { mesh, pose, name: name.to_string(), id });
+        }
+        for i in 0..prepared.links.len() {
+            let Some(&(inner, at)) = self.of_object[object].as_ref().and_then(|own| own.links.get(i)) else { return };
+            self.place(inner, pose * at, name, id, instances);
+        }
+    }
+
+    /// Builds an object once. What it places goes into its own mesh where that takes little, or less memory than an instance
+    /// for every member of every placement: ten thousand leaves become one crown, shared by all trees.
+    fn prepare(&mut self, object: usize) {
+        if self.of_object[object].is_some() {
+            return;
+        }
+        let scene = self.scene;
+        let shapes = &scene.objects[object].shapes;
+        let mut built = self.facets(shapes, true);
+        let mut links = Vec::new();
+        let mut n_instances = 0_u64;
+        for shape in shapes {
+            let Some((inner, n)) = placed(shape) else { continue };
+            self.prepare(inner);
+            let Some(prepared) = &self.of_object[inner] else { continue };
+            let (mesh, n_inner) = (prepared.mesh, prepared.instances);
+            let whole = prepared.links.is_empty();
+            let triangles = mesh.map_or(0, |mesh| self.meshes[mesh].triangle_count()) as u64;
+            let held = n.saturating_mul(triangles).saturating_mul(BYTES_PER_TRIANGLE);
+            let each = n.saturating_mul(n_inner);
+            let linked = each.saturating_mul(self.uses[object]).saturating_mul(BYTES_PER_PLACEMENT);
+            let hold = whole && held <= linked.max(LITTLE);
+            if hold && !self.afford(held, shape) {
+                continue;
+            }
+            let Some((_, _, members)) = self.members(shape, true) else { continue };
+            if hold {
+                let Some(mesh) = mesh else { continue };
+                let inner: Vec<Facet> = self.meshes[mesh].facets().collect();
+                let standing = members.iter().flat_map(|at| inner.iter().map(move |facet| facet.transformed(at)));
+                standing.for_each(|facet| built.add(&facet));
+            } else {
+                n_instances = n_instances.saturating_add(each);
+                links.extend(members.into_iter().map(|at| (inner, at)));
+            }
+        }
+        let built = built.finish();
+        let mesh = (built.facet_count() > 0).then(|| {
+            self.meshes.push(built);
+            self.meshes.len() - 1
+        });
+        let instances = n_instances.saturating_add(u64::from(mesh.is_some()));
+        self.of_object[object] = Some(Prepared { mesh, links, instances });
+    }
+
+    /// Whether memory holds so much more; if not, that is told once.
+    fn afford(&mut self, bytes: u64, shape: &Shape) -> bool {
+        self.bytes = self.bytes.saturating_add(bytes);
+        let span = match shape {
+            Shape::Place { span, .. } => *span,
+            Shape::Scatter(scatter) => scatter.span,
+            _ => return true,
+        };
+        let good = self.bytes <= MOST_BYTES;
+        if !good && !self.told {
+            let message = format!("the members placed up to here need about {:.0} GB", self.bytes as f64 / 1e9);
+            let most = MOST_BYTES as f64 / 1e9;
+            self.diagnostics.push(Diagnostic::error("G05", span, message).label(format!("at most {most:.0} GB")));
+            self.told = true;
+        }
+        good
+    }
+
+    /// The object that a shape places, its name, and where the members stand.
+    fn members(&mut self, shape: &Shape, in_object: bool) -> Option<(usize, Option<String>, Vec<DAffine3>)> {
+        let (object, n) = placed(shape)?;
+        if !in_object {
+            self.prepare(object);
+            let each = self.of_object[object].as_ref().map_or(1, |prepared| prepared.instances);
+            if !self.afford(n.saturating_mul(each).saturating_mul(BYTES_PER_PLACEMENT), shape) {
+                return None;
+            }
+        }
+        match shape {
+            Shape::Place { name, poses, span, .. } => {
+                let mut off = Off::default();
+                let members = poses.iter().filter_map(|pose| {
+                    let found = self.surface.on(pose);
+                    off.note(found.is_none(), pose.at);
+                    found.map(|pose| matrix(&pose))
+                });
+                let members = members.collect();
+                off.tell(*span, poses.len(), &self.surface, self.diagnostics);
+                Some((object, name.clone(), members))
+            }
+            Shape::Scatter(scatter) => Some((object, None, self.scattered(scatter)?)),
+            _ => None,
+        }
+    }
+
+    fn scattered(&mut self, said: &scene::Scatter) -> Option<Vec<DAffine3>> {
+        use scene::{Leaves as Said, Region as In};
+        let region = match said.region {
+            In::Sphere { radius } => Region::Sphere { radius },
+            In::Cylinder { radius, height } => Region::Cylinder { radius, height },
+            In::Box { size } => Region::Box { size },
+            In::Rectangle { size } => Region::Rectangle { size },
+        };
+        let leaves = said.leaves.map(|leaves| match leaves {
+            Said::Spherical => Leaves::Spherical,
+            Said::Uniform => Leaves::Uniform,
+            Said::Planophile => Leaves::Planophile,
+            Said::Erectophile => Leaves::Erectophile,
+            Said::Plagiophile => Leaves::Plagiophile,
+            Said::Extremophile => Leaves::Extremophile,
+        });
+        // FNV-1a of the object's name: scatters of two objects with one seed differ, and a new statement changes no other.
+        let name = self.scene.objects[said.object].name.as_bytes();
+        let key = name.iter().fold(0xcbf2_9ce4_8422_2325_u64, |h, b| (h ^ u64::from(*b)).wrapping_mul(0x100_0000_01b3));
+        let &scene::Scatter { count, spacing, scale, heading, seed, .. } = said;
+        let members = match scatter(&Scatter { count, region, spacing, scale, heading, leaves, seed, key }) {
+            Ok(members) => members,
+            Err(crowded) => {
+                let spacing = spacing.unwrap_or(0.0);
+                let about = if crowded.tried { "only" } else { "only about" };
+                let message = format!("{about} {} of {count} members find a place {spacing} m apart", crowded.fit);
+                let fault = Diagnostic::error("G05", said.span, message);
+                self.diagnostics.push(fault.label("fewer members, a smaller `spacing` or a larger region?"));
+                return None;
+            }
+        };
+        let whole = matrix(&said.pose);
+        if !(said.pose.on_surface && matches!(region, Region::Rectangle { .. })) {
+            let frame = matrix(&self.stand(&said.pose, said.span)?);
+            return Some(members.into_iter().map(|member| frame * member).collect());
+        }
+        // Each stands on its own: only the heading turns the rectangle.
+        let level = matrix(&scene::Pose { heading: said.pose.heading, ..scene::Pose::default() });
+        let mut off = Off::default();
+        let mut out = Vec::with_capacity(members.len());
+        for member in members {
+            let at = said.pose.at + level.transform_vector3(member.translation);
+            let found = self.surface.height_at(at.x, at.y);
+            off.note(found.is_none(), at);
+            let translation = at.with_z(at.z + found.unwrap_or(0.0));
+            out.push(DAffine3 { matrix3: whole.matrix3 * member.matrix3, translation });
+        }
+        off.tell(said.span, out.len(), &self.surface, self.diagnostics);
+        Some(out)
+    }
+
+    /// A pose with its height; reports one that stands beside the terrain.
+    fn stand(&mut self, pose: &scene::Pose, span: Span) -> Option<scene::Pose> {
+        let found = self.surface.on(pose);
+        let mut off = Off::default();
+        off.note(found.is_none(), pose.at);
+        off.tell(span, 1, &self.surface, self.diagnostics);
+        found
+    }
 
     /// The facets of some shapes, placements left out.
-    fn mesh(&mut self, shapes: &[Shape], in_object: bool) -> Mesh {
+    fn facets(&mut self, shapes: &[Shape], in_object: bool) -> MeshBuilder {
         let mut built = MeshBuilder::new();
         for shape in shapes {
             match shape {
@@ -118,35 +352,62 @@ impl Builder<'_> {
                     }
                 }
                 Shape::Panel { material, size, facing, pose, span } => {
-                    if let Some(facet) = self.panel(*material, *size, facing, pose, *span, in_object) {
+                    let flat = |towards| {
+                        let material = MaterialId(*material as u32);
+                        sunglint_geometry::panel_facets(material, size.x, size.y, towards, DVec3::ZERO)
+                    };
+                    if let Some(facet) = self.flat(&flat, facing, pose, *span, in_object) {
                         built.add(&facet);
                     }
                 }
-                Shape::Box { material, size, pose, .. } => {
-                    let transform = matrix(pose);
-                    let sides = sunglint_geometry::box_facets(MaterialId(*material as u32), *size);
-                    sides.iter().for_each(|side| built.add(&side.transformed(&transform)));
+                Shape::Disk { material, radius, sides, facing, pose, span } => {
+                    let flat =
+                        |towards| sunglint_geometry::disk_facet(MaterialId(*material as u32), *radius, *sides, towards);
+                    if let Some(facet) = self.flat(&flat, facing, pose, *span, in_object) {
+                        built.add(&facet);
+                    }
                 }
-                Shape::Mesh { file, unit, y_up, pose, maps } => self.obj(file, *unit, *y_up, pose, maps, &mut built),
-                Shape::Place { .. } => {}
+                Shape::Box { material, size, pose, span } => {
+                    let sides = sunglint_geometry::box_facets(MaterialId(*material as u32), *size);
+                    self.put(sides, pose, *span, &mut built);
+                }
+                Shape::Solid { material, form, sides, pose, span } => {
+                    let material = MaterialId(*material as u32);
+                    let solid = match *form {
+                        Solid::Cylinder { radius, height } => cylinder_facets(material, radius, height, *sides),
+                        Solid::Cone { radius, height } => cone_facets(material, radius, height, *sides),
+                        Solid::Sphere { radius } => sphere_facets(material, radius, *sides),
+                    };
+                    self.put(solid, pose, *span, &mut built);
+                }
+                Shape::Mesh { file, unit, y_up, pose, maps } => {
+                    if let Some(pose) = self.stand(pose, file.span) {
+                        self.obj(file, *unit, *y_up, &pose, maps, &mut built);
+                    }
+                }
+                Shape::Place { .. } | Shape::Scatter(_) => {}
             }
         }
-        built.finish()
+        built
     }
 
-    /// A panel. Facing a direction or a slope it turns with its pose; facing a point or a sensor it does not.
-    fn panel(
+    fn put(&mut self, own: Vec<Facet>, pose: &scene::Pose, span: Span, built: &mut MeshBuilder) {
+        if let Some(pose) = self.stand(pose, span) {
+            let transform = matrix(&pose);
+            own.iter().for_each(|facet| built.add(&facet.transformed(&transform)));
+        }
+    }
+
+    /// A panel or disk. Facing a direction or a slope it turns with its pose; facing a point or a sensor it does not.
+    fn flat(
         &mut self,
-        material: usize,
-        size: DVec2,
+        at_origin: &dyn Fn(DVec3) -> Facet,
         facing: &Facing,
         pose: &scene::Pose,
         span: Span,
         in_object: bool,
     ) -> Option<Facet> {
-        let at_origin = |towards| {
-            sunglint_geometry::panel_facets(MaterialId(material as u32), size.x, size.y, towards, DVec3::ZERO)
-        };
+        let pose = &self.stand(pose, span)?;
         let target = match facing {
             Facing::Direction(direction) => return Some(at_origin(*direction).transformed(&matrix(pose))),
             Facing::Slope { slope, aspect } => {
@@ -159,9 +420,9 @@ impl Builder<'_> {
                     Diagnostic::error(
                         "G04",
                         span,
-                        "a panel of an object cannot face a sensor: its placements share it",
+                        "a panel or disk of an object cannot face a sensor: its placements share it",
                     )
-                    .help("stand the panel in the scene itself"),
+                    .help("stand it in the scene itself"),
                 );
                 return None;
             }
@@ -169,7 +430,7 @@ impl Builder<'_> {
         };
         let Some(towards) = (target - pose.at).try_normalize() else {
             self.diagnostics.push(
-                Diagnostic::error("G01", span, "the panel stands on the very point it faces")
+                Diagnostic::error("G01", span, "this stands on the very point that it faces")
                     .help("move it, or say `facing up`"),
             );
             return None;
