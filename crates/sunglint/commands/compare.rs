@@ -188,8 +188,8 @@ impl Compare {
         };
         let error_a = beside(self.error.first(), errors_at(a_path))?;
         let error_b = beside(self.error.get(1), errors_at(b_path))?;
-        let truth_at = [folder(a_path), folder(a_path).join("..")].map(|folder| folder.join("truth.exr"));
-        let truth = beside(self.truth.as_ref(), truth_at.to_vec())?;
+        let truth_at = a_path.ancestors().skip(1).take(2).map(|folder| folder.join("truth.exr")).collect();
+        let truth = beside(self.truth.as_ref(), truth_at)?;
         let materials = match &truth {
             Some((path, image)) => Some(
                 Materials::of(image).map_err(|error| Failure::BadInput(format!("`{}`: {error}", path.display())))?,
