@@ -7,6 +7,8 @@
 
 #[path = "analytic/pose.rs"]
 mod pose;
+#[path = "analytic/scanners.rs"]
+mod scanners;
 
 use std::f64::consts::PI;
 use std::fmt::Write;

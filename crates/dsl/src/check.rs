@@ -229,7 +229,7 @@ impl<'a> Checker<'a> {
         self.define(&top);
         self.declare_all(&top);
         let title = top.get("scene").and_then(|line| self.text(&line)).map(|(title, _)| title.to_string());
-        let site = self.site(&top);
+        let (site, crs) = self.site(&top);
         let weathers = self.weathers(&top);
         let collects = self.collects(&top, site.is_some() || top.said("site"));
         let n_collects = collects.len();
@@ -310,7 +310,20 @@ impl<'a> Checker<'a> {
         if experiments.is_empty() {
             experiments.push(self.default_experiment(&choice));
         }
-        Scene { title, site, collects, weathers, atmosphere, materials, objects, world, ground, sensors, experiments }
+        Scene {
+            title,
+            site,
+            crs,
+            collects,
+            weathers,
+            atmosphere,
+            materials,
+            objects,
+            world,
+            ground,
+            sensors,
+            experiments,
+        }
     }
 
     /// Whether a statement that seems missing may be one that could not be read.
