@@ -9,6 +9,8 @@
 mod pose;
 #[path = "analytic/relief.rs"]
 mod relief;
+#[path = "analytic/scanners.rs"]
+mod scanners;
 
 use std::f64::consts::PI;
 use std::fmt::Write;
@@ -1139,7 +1141,7 @@ fn frames_do_not_depend_on_threads_or_on_the_order_of_tiles() {
         let (one, two, five) = (on(1), on(2), on(5));
         assert!(bits(&one) == bits(&two) && bits(&one) == bits(&five), "{}", run.experiment);
         assert_eq!((one.rays, one.rays), (two.rays, five.rays));
-        let all = tiles(run.pixels);
+        let all = run.tiles();
         assert!(all.len() == 6);
         for tile in all.iter().rev() {
             let result = run.render_tile(*tile);

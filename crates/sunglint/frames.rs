@@ -23,6 +23,11 @@ pub struct Frame {
     pub error: Vec<Vec<f32>>,
     /// Radiance that leaves the surface, before τ₂ and L_u; empty where not asked for.
     pub surface: Vec<Vec<f32>>,
+    /// π times that radiance over the irradiance of the open level ground, ratio of band means; NaN where the middle of a
+    /// pixel sees nothing, and everywhere without light. Empty where not asked for.
+    pub reflectance_factor: Vec<Vec<f32>>,
+    /// Digital numbers; empty where not asked for.
+    pub counts: Vec<Vec<f32>>,
     /// Sun-lit fraction by pixel.
     pub lit: Vec<f32>,
 }
@@ -55,7 +60,7 @@ impl Run {
         let results: Vec<TileResult> = tiles.par_iter().map(|tile| self.render_tile_as(*tile, accuracy)).collect();
         let mut frames = Frames::new(self);
         for (tile, result) in tiles.iter().zip(&results) {
-            frames.insert(*tile, result, self.window);
+            frames.insert(self, *tile, result);
         }
         frames
     }
@@ -91,13 +96,24 @@ impl Run {
             algorithm: self.algorithm.as_ref(),
             sight: &sight,
             pixels: self.camera.pixels(),
-            channels: &self.channels,
+            channels: &self.traced,
             times: &self.light,
             accuracy: self.accuracy,
             seed: self.seed,
             id: self.view_id,
-            surface_radiance: self.products.surface_radiance,
+            surface_radiance: self.products.surface_radiance || self.products.reflectance_factor,
         })
+    }
+
+    /// Irradiance of the open level ground at a time, direct and diffuse, band means \[W m⁻² µm⁻¹\].
+    pub fn level_irradiance(&self, time: usize) -> Vec<f64> {
+        let light = &self.light[time];
+        let cos = light.sun.map_or(0.0, |sun| sun.cos_zenith().max(0.0));
+        let spectrum: Vec<f64> =
+            light.beam.iter().zip(&light.mean_sky).map(|(e_n, l_d)| e_n * cos + std::f64::consts::PI * l_d).collect();
+        let mut means = vec![0.0; self.channels.len()];
+        self.channels.fold(&spectrum, &mut means);
+        means
     }
 }
 
@@ -111,6 +127,8 @@ impl Frame {
             radiance: images(true),
             error: images(true),
             surface: images(run.products.surface_radiance),
+            reflectance_factor: images(run.products.reflectance_factor),
+            counts: images(run.readout.is_some()),
             lit: vec![0.0; n],
         }
     }
@@ -133,9 +151,10 @@ impl Frames {
         }
     }
 
-    fn insert(&mut self, tile: Tile, result: &TileResult, window: Tile) {
+    fn insert(&mut self, run: &Run, tile: Tile, result: &TileResult) {
+        let window = run.window;
         for t in 0..self.frames.len() {
-            insert_frame(&mut self.frames[t], t, tile, result, window);
+            insert_frame(run, &mut self.frames[t], t, tile, result);
         }
         for (map, image) in self.truth.iter_mut().enumerate() {
             copy_tile(tile, &result.truth, map, image, window);
@@ -152,13 +171,35 @@ impl Frames {
 }
 
 /// Copies frame `t` of a tile into an image of the window.
-pub(crate) fn insert_frame(frame: &mut Frame, t: usize, tile: Tile, result: &TileResult, window: Tile) {
-    let n_channels = frame.radiance.len();
+pub(crate) fn insert_frame(run: &Run, frame: &mut Frame, t: usize, tile: Tile, result: &TileResult) {
+    let (window, n_channels, n_traced) = (run.window, run.channels.len(), run.traced.len());
+    let n = (tile.width * tile.height) as usize;
+    let layer = |stack: &[f32], layer: usize| stack[layer * n..(layer + 1) * n].to_vec();
+    let level = if run.products.reflectance_factor { run.level_irradiance(t) } else { Vec::new() };
+    let key = crate::Readout::frame_key(&frame.label);
     for c in 0..n_channels {
-        copy_tile(tile, &result.radiance, t * n_channels + c, &mut frame.radiance[c], window);
-        copy_tile(tile, &result.error, t * n_channels + c, &mut frame.error[c], window);
+        let at = t * n_traced + c;
+        copy_tile(tile, &result.radiance, at, &mut frame.radiance[c], window);
+        copy_tile(tile, &result.error, at, &mut frame.error[c], window);
         if let Some(surface) = frame.surface.get_mut(c) {
-            copy_tile(tile, &result.surface, t * n_channels + c, surface, window);
+            copy_tile(tile, &result.surface, at, surface, window);
+        }
+        if let Some(factor) = frame.reflectance_factor.get_mut(c) {
+            let mut values = layer(&result.surface, at);
+            for (value, code) in values.iter_mut().zip(&result.truth) {
+                let lit = *code != 0.0 && level[c] > 0.0;
+                let ratio = std::f64::consts::PI * f64::from(*value) / level[c];
+                *value = if lit { ratio as f32 } else { f32::NAN };
+            }
+            copy_tile(tile, &values, 0, factor, window);
+        }
+        if let (Some(counts), Some(readout)) = (frame.counts.get_mut(c), &run.readout) {
+            let mut values = layer(&result.radiance, at + n_channels);
+            for (i, value) in values.iter_mut().enumerate() {
+                let pixel = (tile.x + i as u32 % tile.width, tile.y + i as u32 / tile.width);
+                *value = readout.count(key, pixel, c, f64::from(*value)) as f32;
+            }
+            copy_tile(tile, &values, 0, counts, window);
         }
     }
     copy_tile(tile, &result.lit, t, &mut frame.lit, window);

@@ -98,6 +98,21 @@ pub fn channels(grid: &SpectralGrid, bands: &[Band]) -> Channels {
     Channels::new(grid, &responses)
 }
 
+/// Channels that weigh a band's radiance as a detector of that sensitivity \[electrons per W m⁻² sr⁻¹ µm⁻¹ and µm\] does
+/// behind the band's filter, its response scaled to a peak of 1; and the electrons per W m⁻² sr⁻¹ µm⁻¹ of each.
+///
+/// # Errors
+/// The index of a band in which the detector gives no electron.
+pub fn electron_channels(
+    grid: &SpectralGrid,
+    bands: &[Band],
+    sensitivity: &[f64],
+) -> Result<(Channels, Vec<f64>), usize> {
+    let filter = |band: &Band| band.response.clone().scaled(1.0 / band.response.range().1);
+    let responses: Vec<_> = bands.iter().map(|band| (band.channel(), filter(band))).collect();
+    Channels::weighted(grid, &responses, sensitivity)
+}
+
 /// Corners of a spectral value's table \[µm\].
 pub fn corners(value: &SpectralValue) -> Vec<f64> {
     match value {

@@ -11,13 +11,14 @@ use sunglint_geometry::{FacetId, MaterialId, World};
 use sunglint_plugin::{Args, BindError, SpectralValue, TableKey, Value};
 use sunglint_radiometry::{Channels, LocalDir, SpectralGrid};
 use sunglint_reflectance::Bsdf;
-use sunglint_sensor::{Band, Camera};
+use sunglint_sensor::{Band, Camera, Ccd};
 use sunglint_tracer::{Algorithm, Illumination, Scenery, Surface, Tile};
 
 use crate::air::Air;
+use crate::products::MapProjection;
 use crate::selection::{Crop, is_experiment, is_time, wanted};
 use crate::times::Moment;
-use crate::{Checked, Refused, grid, scenery, times};
+use crate::{Checked, Readout, Refused, grid, scenery, times};
 
 /// Most samples a pixel under `error`.
 const MOST_SAMPLES: u32 = 4096;
@@ -90,6 +91,15 @@ pub struct Run {
     pub grid: SpectralGrid,
     /// Output channels.
     pub channels: Channels,
+    /// What the tracer folds spectra into: the output channels and then, where counts are asked for, one for each band that
+    /// the detector's photons weigh.
+    pub traced: Channels,
+    /// The detector, where counts are asked for.
+    pub readout: Option<Readout>,
+    /// Where pixels lie on the map, of a sensor that looks straight down.
+    pub map: Option<MapProjection>,
+    /// Azimuth of +y, east of true north \[rad\].
+    pub convergence: f64,
     /// Geometry and surfaces.
     pub scenery: Scenery,
     /// The radiance algorithm.
@@ -309,8 +319,9 @@ impl<'s> Planner<'s, '_> {
         }
         let Geometry { world, objects, unopened, surface, .. } = &shared.geometries[built];
         let (world, objects) = (world.clone(), objects.clone());
-        for (sensor, camera) in scene.sensors.iter().zip(&cameras) {
+        for ((sensor, camera), bands) in scene.sensors.iter().zip(&cameras).zip(&bands) {
             self.warn_of_view(sensor, camera.as_deref()?, &world, surface);
+            self.check_detector(sensor, bands);
         }
         for skip in scene_skips(scene, unopened, &world) {
             if !shared.skips.contains(&skip) {
@@ -469,8 +480,10 @@ impl<'s> Planner<'s, '_> {
         // A provisional grid tells what nodes and g-points the provider wants.
         let mut uses = Self::model_uses(scene, experiment);
         uses.push((None, &experiment.atmosphere));
-        let corners: Vec<Vec<f64>> = uses.iter().flat_map(|(_, use_)| corners_of(&use_.args)).collect();
-        let owned = uses.iter().any(|(_, use_)| is_per_band(&use_.args))
+        let detector = sensor.ccd.as_ref().filter(|_| experiment.products.counts);
+        let args = || uses.iter().map(|(_, use_)| &use_.args).chain(detector.map(|use_| &use_.args));
+        let corners: Vec<Vec<f64>> = args().flat_map(corners_of).collect();
+        let owned = args().any(is_per_band)
             || scene.materials.iter().any(|m| m.used && matches!(m.emission, Some(SpectralValue::PerBand(_))));
         let (provisional, names) = grid::bins(bands, &corners, owned);
         let provisional = SpectralGrid::new(provisional, names);
@@ -492,6 +505,13 @@ impl<'s> Planner<'s, '_> {
         let provider = self.bind(&experiment.atmosphere, sunglint_atmosphere::BUILTIN, &grid)?;
         let algorithm = self.bind(&experiment.algorithm, sunglint_tracer::BUILTIN, &grid)?;
         let channels = grid::channels(&grid, bands);
+        let (traced, readout) = match experiment.products.counts {
+            true => {
+                let (electrons, readout) = self.readout(experiment, sensor_index, bands, &grid)?;
+                (channels.clone().joined(electrons), Some(readout))
+            }
+            false => (channels.clone(), None),
+        };
 
         let scenery = self.surfaces(experiment, &grid, world, solved);
         if has_error(&self.diagnostics[before..]) {
@@ -520,6 +540,8 @@ impl<'s> Planner<'s, '_> {
         let window = self.options.crop.map_or(Some(whole), |crop| crop.within(camera.pixels()))?;
         let mut estimators = algorithm.estimators();
         estimators.extend(provider.report());
+        estimators.extend(scan_note(scene, sensor, &moments));
+        let map = map_of(scene, sensor, camera.as_ref(), world).map(|map| map.of_window(window.x, window.y));
         let mut skips = run_skips(algorithm.as_ref(), &scenery, bands, &grid, &light);
         skips.extend(unused);
         let accuracy = match (self.options.samples, experiment.accuracy) {
@@ -553,6 +575,10 @@ impl<'s> Planner<'s, '_> {
             moments: moments.into_iter().map(|(moment, _)| moment).collect(),
             grid,
             channels,
+            traced,
+            readout,
+            map,
+            convergence: scene.site.map_or(0.0, |site| site.convergence),
             scenery,
             algorithm,
             algorithm_name: experiment.algorithm.name.clone(),
@@ -591,6 +617,61 @@ impl<'s> Planner<'s, '_> {
             .collect()
     }
 
+    /// A detector's spectra: their values and the bands that they must cover.
+    fn check_detector(&mut self, sensor: &Sensor, bands: &[Band]) {
+        let Some(use_) = &sensor.ccd else { return };
+        if let Err(error) = Ccd::check(&use_.args) {
+            self.refuse(use_, &error);
+        }
+        for (name, value) in use_.args.iter() {
+            if let (Value::Spectrum(value), Some(place)) = (value, use_.param_spans.get(name)) {
+                self.cover_value(value, bands, *place, name, "V03");
+            }
+        }
+    }
+
+    /// The detector that an experiment's counts come from, and the channels of its electrons.
+    fn readout(
+        &mut self,
+        experiment: &Experiment,
+        sensor_index: usize,
+        bands: &[Band],
+        grid: &SpectralGrid,
+    ) -> Option<(Channels, Readout)> {
+        let sensor = &self.scene.sensors[sensor_index];
+        let Some(use_) = &sensor.ccd else {
+            let message = format!("`counts` need a detector, and sensor `{}` has none", sensor.name);
+            let fault = Diagnostic::error("V01", sensor.span, message).label("`ccd { … }`?");
+            return self.tell(fault.help("see `sunglint models ccd`; or leave `counts` out of the products"));
+        };
+        let ccd = self.bind(use_, sunglint_sensor::BUILTIN, grid)?;
+        let place = use_.span.unwrap_or(sensor.span);
+        if !ccd.missing.is_empty() {
+            let lacks: Vec<String> = ccd.missing.iter().map(|name| format!("`{name}`")).collect();
+            let fault = Diagnostic::error("S05", place, format!("`counts` need {} of this detector", lacks.join(", ")));
+            return self.tell(fault.label(format!("{}?", lacks.join(", "))).help("see `sunglint models ccd`"));
+        }
+        match grid::electron_channels(grid, bands, &ccd.sensitivity) {
+            Ok((channels, electrons)) => {
+                let seeds = [experiment.seed, sensor_index as u64];
+                Some((channels, Readout::new(ccd, electrons, sensor.projection, seeds)))
+            }
+            Err(band) => {
+                let message = format!("this detector gives no electron in band `{}`", bands[band].name);
+                let place = use_.param_spans.get("quantum_efficiency").copied().unwrap_or(place);
+                self.tell(Diagnostic::error("V03", place, message).label("0 throughout the band"))
+            }
+        }
+    }
+
+    /// Reports a fault, once.
+    fn tell<T>(&mut self, fault: Diagnostic) -> Option<T> {
+        if !self.diagnostics.iter().any(|d| d.span == fault.span && d.message == fault.message) {
+            self.diagnostics.push(fault);
+        }
+        None
+    }
+
     /// Spectra that do not cover a band they are used in.
     fn cover(&mut self, uses: &[(Option<usize>, &ModelUse)], bands: &[Band]) {
         let scene = self.scene;
@@ -603,18 +684,25 @@ impl<'s> Planner<'s, '_> {
                 };
                 let Some(place) = place else { continue };
                 let Value::Spectrum(value) = value else { continue };
-                self.cover_value(value, bands, place, name);
+                self.cover_value(value, bands, place, name, "M04");
             }
         }
         for material in scene.materials.iter().filter(|material| material.used) {
             if let Some(value) = &material.emission {
                 let place = material.spans.get("emission").copied().unwrap_or(material.span);
-                self.cover_value(value, bands, place, "emission");
+                self.cover_value(value, bands, place, "emission", "M04");
             }
         }
     }
 
-    fn cover_value(&mut self, value: &SpectralValue, bands: &[Band], place: sunglint_dsl::Span, name: &str) {
+    fn cover_value(
+        &mut self,
+        value: &SpectralValue,
+        bands: &[Band],
+        place: sunglint_dsl::Span,
+        name: &str,
+        code: &'static str,
+    ) {
         for band in bands {
             let (lower, upper) = band.support();
             let message = match value {
@@ -634,12 +722,13 @@ impl<'s> Planner<'s, '_> {
                 SpectralValue::PerBand(_) => format!("`{name}` has no value for band `{}`", band.name),
             };
             let help = match value {
+                SpectralValue::PerBand(_) if code == "V03" => "give a value for every band of the sensor",
                 SpectralValue::PerBand(_) => "give a value for every band in which it is used",
                 _ => "widen the table, or say `extrapolate hold` behind it",
             };
             let known = self.diagnostics.iter().any(|d| d.span == Some(place) && d.message == message);
             if !known {
-                self.diagnostics.push(Diagnostic::error("M04", place, message).help(help));
+                self.diagnostics.push(Diagnostic::error(code, place, message).help(help));
             }
         }
     }
@@ -894,6 +983,42 @@ fn make_labels_unique(scene: &Scene, moments: &mut [(Moment, Air)]) {
             moment.label = format!("{}_{name}", labels[i]);
         }
     }
+}
+
+/// Duration of a scan, and how far the sun moves in it: it is lit as at its first line throughout.
+fn scan_note(scene: &Scene, sensor: &Sensor, moments: &[(Moment, Air)]) -> Option<String> {
+    let flight = sensor.flight?;
+    let lines = f64::from(sensor.pixels.1);
+    let (seconds, metres) = (lines / flight.line_rate, lines * flight.speed / flight.line_rate);
+    let moves = |(moment, air): &(Moment, Air)| {
+        let (site, utc) = (scene.site.as_ref()?, moment.utc?);
+        let (pressure, temperature) = air.at_site(utc);
+        let at = |t: f64| times::sun_at(site, scene::Utc(t), pressure, temperature).ok();
+        Some(at(utc.0)?.apparent.angle_to(at(utc.0 + seconds)?.apparent).to_degrees())
+    };
+    let most =
+        moments.iter().filter_map(moves).fold(None, |most: Option<f64>, angle| Some(most.unwrap_or(0.0).max(angle)));
+    let moved = most.map_or(String::new(), |angle| format!("; the sun moves by {angle:.3} deg meanwhile"));
+    Some(format!(
+        "scan: {lines} lines over {metres:.1} m in {seconds:.2} s, lit by sun and sky of the first line throughout{moved}"
+    ))
+}
+
+/// The map that an image is, if its sensor looks straight down: of the level plane at the height of what it looks at, else
+/// of the ground, else of what its middle meets.
+fn map_of(scene: &Scene, sensor: &Sensor, camera: &dyn Camera, world: &World) -> Option<MapProjection> {
+    let height = match sensor.pose {
+        scene::SensorPose::LookAt { look_at, .. } | scene::SensorPose::Target { look_at, .. } => Some(look_at.z),
+        scene::SensorPose::Attitude { .. } => None,
+    };
+    let met = || {
+        let (w, h) = camera.pixels();
+        let middle = camera.ray(0.5 * f64::from(w), 0.5 * f64::from(h));
+        world.closest(&sunglint_geometry::Ray::new(middle.origin, middle.direction)).map(|hit| hit.point.z)
+    };
+    let height = height.or(world.ground().map(|ground| ground.height)).or_else(met).unwrap_or(0.0);
+    let ground = camera.ground(height)?;
+    Some(MapProjection::new(&ground, scene.site.as_ref(), scene.crs.as_ref()))
 }
 
 fn corners_of(args: &Args) -> Vec<Vec<f64>> {

@@ -15,8 +15,8 @@ use crate::cache::TileStore;
 use crate::frames::{Frame, copy_tile, insert_frame};
 use crate::plan::{Plan, Run, Skip};
 use crate::products::{
-    Raster, RasterChannel, Stretch, StretchCollector, composite_bands, write_envi, write_exr, write_png_gray,
-    write_png_rgb, write_whole,
+    MapProjection, Raster, RasterChannel, Encoding, Stretch, StretchCollector, composite_bands, write_envi, write_exr,
+    write_png_gray, write_png_rgb, write_whole,
 };
 use crate::scenery::ObjectIds;
 use crate::times;
@@ -220,8 +220,12 @@ fn refuse_mixing(run: &Run, folder: &Path) -> Result<(), RenderError> {
 /// Whether a tile from disk has the shape that this run gives it.
 fn fits(result: &TileResult, tile: Tile, run: &Run) -> bool {
     let n = (tile.width * tile.height) as usize;
-    let stack = n * run.moments.len() * run.channels.len();
-    result.radiance.len() == stack && result.error.len() == stack && result.truth.len() == n * TileResult::TRUTH_MAPS
+    let stack = n * run.moments.len() * run.traced.len();
+    let surface = run.products.surface_radiance || run.products.reflectance_factor;
+    result.radiance.len() == stack
+        && result.error.len() == stack
+        && result.surface.len() == if surface { stack } else { 0 }
+        && result.truth.len() == n * TileResult::TRUTH_MAPS
 }
 
 /// Whether the folder holds this very run, complete.
@@ -240,6 +244,12 @@ fn expected_files(run: &Run) -> Vec<PathBuf> {
         }
         if run.products.surface_radiance {
             files.push(frame.join("surface_radiance.exr"));
+        }
+        for (asked, name) in [(run.products.counts, "counts"), (run.products.reflectance_factor, "reflectance_factor")]
+        {
+            files.extend(
+                ["exr", "img", "hdr"].into_iter().filter(|_| asked).map(|end| frame.join(format!("{name}.{end}"))),
+            );
         }
         if run.products.truth {
             files.push(frame.join("lit.exr"));
@@ -286,7 +296,9 @@ fn write_products(run: &Run, folder: &Path, tiles: &[Tile], load: Load<'_>) -> R
     let n = run.pixels.0 as usize * run.pixels.1 as usize;
     let n_channels = run.channels.len();
     // Frames are assembled a few at a time, so that memory is bounded whatever the number of times.
-    let per_frame = n * 4 * (2 * n_channels + 1 + if run.products.surface_radiance { n_channels } else { 0 });
+    let products = &run.products;
+    let more = [products.surface_radiance, products.reflectance_factor, products.counts];
+    let per_frame = n * 4 * (1 + n_channels * (2 + more.iter().filter(|asked| **asked).count()));
     let at_once = (FRAMES_AT_ONCE / per_frame.max(1)).clamp(1, run.moments.len().max(1));
     let mut stretches: Vec<StretchCollector> = (0..n_channels).map(|_| StretchCollector::default()).collect();
     let mut truth = vec![vec![0.0; n]; TileResult::TRUTH_MAPS];
@@ -298,7 +310,7 @@ fn write_products(run: &Run, folder: &Path, tiles: &[Tile], load: Load<'_>) -> R
         for (i, tile) in tiles.iter().enumerate() {
             let result = load(i)?;
             for (frame, t) in frames.iter_mut().zip(chunk) {
-                insert_frame(frame, *t, *tile, &result, run.window);
+                insert_frame(run, frame, *t, *tile, &result);
             }
             if chunk[0] == 0 {
                 for (map, image) in truth.iter_mut().enumerate() {
@@ -322,7 +334,7 @@ fn write_products(run: &Run, folder: &Path, tiles: &[Tile], load: Load<'_>) -> R
             let mut frames: Vec<Frame> = chunk.iter().map(|t| Frame::blank(run, *t)).collect();
             for (i, tile) in tiles.iter().enumerate() {
                 let result = load(i)?;
-                frames.iter_mut().zip(chunk).for_each(|(frame, t)| insert_frame(frame, *t, *tile, &result, run.window));
+                frames.iter_mut().zip(chunk).for_each(|(frame, t)| insert_frame(run, frame, *t, *tile, &result));
             }
             frames.par_iter().try_for_each(|frame| write_previews(run, folder, frame, &stretches))?;
         }
@@ -337,17 +349,17 @@ fn series_stretches(collectors: &[StretchCollector]) -> Vec<Stretch> {
     collectors.iter().map(StretchCollector::stretch).collect()
 }
 
-fn raster<'a>(run: &Run, images: &'a [Vec<f32>]) -> Raster<'a> {
+fn raster<'a>(run: &Run, images: &'a [Vec<f32>], unit: &'a str) -> Raster<'a> {
     let channels = (run.channels.channels().iter().zip(images))
         .map(|(channel, data)| RasterChannel {
             name: channel.name.clone(),
-            unit: RADIANCE_UNIT,
+            unit,
             centre_nm: Some(channel.centre.nm()),
             fwhm_nm: Some(channel.fwhm * 1e3),
             data,
         })
         .collect();
-    Raster { width: run.pixels.0, height: run.pixels.1, channels }
+    Raster { width: run.pixels.0, height: run.pixels.1, channels, encoding: Encoding::Float }
 }
 
 fn attributes(run: &Run, t: Option<usize>) -> Vec<(&'static str, String)> {
@@ -375,7 +387,32 @@ fn attributes(run: &Run, t: Option<usize>) -> Vec<(&'static str, String)> {
             attributes.push(("sunglint:sun_azimuth_deg", format!("{:.5}", sun.apparent.azimuth().to_degrees())));
         }
     }
+    attributes.extend(run.map.iter().flat_map(MapProjection::attributes));
     attributes
+}
+
+/// Fields that ENVI headers have names for: when, where the sun was (from true north), the map, and the bands that make a
+/// picture.
+fn envi_fields(run: &Run, t: usize) -> Vec<(&'static str, String)> {
+    let moment = &run.moments[t];
+    let mut fields = vec![("sensor type", run.sensor.clone())];
+    fields.extend(moment.utc.map(|utc| ("acquisition time", times::iso(utc))));
+    if let Some(sun) = &moment.sun {
+        let azimuth = (sun.apparent.azimuth() + run.convergence).to_degrees().rem_euclid(360.0);
+        fields.push(("sun elevation", format!("{:.5}", 90.0 - sun.apparent.zenith().to_degrees())));
+        fields.push(("sun azimuth", format!("{azimuth:.5}")));
+    }
+    let centres: Vec<Option<f64>> = run.channels.channels().iter().map(|channel| Some(channel.centre.nm())).collect();
+    if let Some(composite) = composite_bands(&centres).first() {
+        let bands: Vec<String> = composite.channels.iter().map(|band| (band + 1).to_string()).collect();
+        fields.push(("default bands", format!("{{{}}}", bands.join(", "))));
+    }
+    fields.extend(run.map.iter().flat_map(MapProjection::envi_fields));
+    fields
+}
+
+fn numbers(values: impl Iterator<Item = f64>) -> String {
+    format!("{{{}}}", values.map(|value| format!("{value:.9e}")).collect::<Vec<_>>().join(", "))
 }
 
 fn write_frame(run: &Run, folder: &Path, frame: &Frame, t: usize) -> Result<(), RenderError> {
@@ -385,16 +422,40 @@ fn write_frame(run: &Run, folder: &Path, frame: &Frame, t: usize) -> Result<(), 
         let path = folder.join(name);
         write_exr(&path, raster, &attributes).map_err(at(&path))
     };
+    let fields = envi_fields(run, t);
+    let envi = |name: &str, what: &str, raster: &Raster<'_>, more: Vec<(&'static str, String)>| {
+        let path = folder.join(name);
+        let description = format!("Sunglint {what}, {} {} {}", run.experiment, run.sensor, frame.label);
+        let fields: Vec<_> = fields.iter().cloned().chain(more).collect();
+        write_envi(&path, raster, &description, &fields, &attributes).map_err(at(&path))
+    };
     if run.products.radiance {
-        exr("radiance.exr", &raster(run, &frame.radiance))?;
-        exr("error.exr", &raster(run, &frame.error))?;
-        let path = folder.join("radiance.img");
-        let description =
-            format!("Sunglint at-sensor spectral radiance, {} {} {}", run.experiment, run.sensor, frame.label);
-        write_envi(&path, &raster(run, &frame.radiance), &description, &attributes).map_err(at(&path))?;
+        let radiance = raster(run, &frame.radiance, RADIANCE_UNIT);
+        exr("radiance.exr", &radiance)?;
+        exr("error.exr", &raster(run, &frame.error, RADIANCE_UNIT))?;
+        let mut solar = vec![0.0; run.channels.len()];
+        run.channels.fold(run.light[t].sky.solar_irradiance(), &mut solar);
+        let solar = vec![("solar irradiance", numbers(solar.into_iter()))]; // as ENVI has it, in W m⁻² µm⁻¹
+        envi("radiance.img", "at-sensor spectral radiance", &radiance, solar)?;
     }
     if run.products.surface_radiance {
-        exr("surface_radiance.exr", &raster(run, &frame.surface))?;
+        exr("surface_radiance.exr", &raster(run, &frame.surface, RADIANCE_UNIT))?;
+    }
+    if run.products.reflectance_factor {
+        let factor = raster(run, &frame.reflectance_factor, "1");
+        exr("reflectance_factor.exr", &factor)?;
+        envi("reflectance_factor.img", "reflectance factor against the open level ground", &factor, Vec::new())?;
+    }
+    if let Some(readout) = &run.readout {
+        let encoding = Encoding::Whole { bits: readout.ccd.bits };
+        let counts = Raster { encoding, ..raster(run, &frame.counts, "DN") };
+        let calibration: Vec<(f64, f64)> = (0..run.channels.len()).map(|band| readout.calibration(band)).collect();
+        let gains = vec![
+            ("data gain values", numbers(calibration.iter().map(|pair| pair.0))),
+            ("data offset values", numbers(calibration.iter().map(|pair| pair.1))),
+        ];
+        exr("counts.exr", &counts)?;
+        envi("counts.img", "digital numbers; gain and offset give W m-2 sr-1 um-1", &counts, gains)?;
     }
     if run.products.truth {
         exr("lit.exr", &map_raster(run, &[("sun_lit_fraction", "1", &frame.lit)]))?;
@@ -412,7 +473,7 @@ fn map_raster<'a>(run: &Run, maps: &[(&str, &'a str, &'a Vec<f32>)]) -> Raster<'
             data,
         })
         .collect();
-    Raster { width: run.pixels.0, height: run.pixels.1, channels }
+    Raster { width: run.pixels.0, height: run.pixels.1, channels, encoding: Encoding::Float }
 }
 
 /// Names and units of the truth maps, in order.
@@ -514,6 +575,35 @@ pub fn moments_json(run: &Run) -> Value {
         .collect()
 }
 
+/// The detector of a run as JSON, null without counts: what turns its numbers into radiance.
+fn detector_json(run: &Run) -> Value {
+    let Some(readout) = &run.readout else { return Value::Null };
+    let bands: Vec<Value> = (run.channels.channels().iter().enumerate())
+        .map(|(band, channel)| {
+            let (slope, intercept) = readout.calibration(band);
+            json!({
+                "name": channel.name,
+                "electrons_per_w_m2_sr_um": readout.electrons[band],
+                "radiance_w_m2_sr_um_per_dn": slope,
+                "radiance_at_0_dn_w_m2_sr_um": intercept,
+            })
+        })
+        .collect();
+    json!({"bits": readout.ccd.bits, "gain_electrons_per_dn": readout.ccd.gain(), "bands": bands})
+}
+
+/// The map of a run as JSON, null where its sensor does not look straight down.
+pub fn map_json(run: &Run) -> Value {
+    let Some(map) = &run.map else { return Value::Null };
+    let (width, height) = map.pixel_size();
+    json!({
+        "coordinate_system": map.wkt,
+        "geotransform_m": map.geotransform,
+        "pixel_m": [width, height],
+        "rotation_deg": map.rotation_deg(),
+    })
+}
+
 fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
     let files: BTreeMap<&String, &String> = plan.files.iter().collect();
     let channels: Vec<Value> = (run.channels.channels().iter())
@@ -540,6 +630,8 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "seed": run.seed,
         "unit": RADIANCE_UNIT,
         "channels": channels,
+        "detector": detector_json(run),
+        "map": map_json(run),
         "grid_entries": run.grid.len(),
         "times": moments_json(run),
         "objects": run.objects.iter().map(object_json).collect::<Vec<_>>(),

@@ -10,7 +10,10 @@ use sunglint_geometry::{
     Scatter, Up, World, cone_facets, cylinder_facets, scatter, sphere_facets,
 };
 use sunglint_radiometry::WorldDir;
-use sunglint_sensor::{Band, BandResponse, Camera, FrameCamera, FramePose, Orthographic, Standoff};
+use sunglint_sensor::{
+    Band, BandResponse, Camera, Extent, Flight, FrameCamera, FramePose, Orthographic, Pushbroom, ScanPose, Standoff,
+    Whiskbroom,
+};
 
 use self::surface::Off;
 pub use self::surface::Surface;
@@ -530,57 +533,61 @@ fn left_out(file: &scene::SceneFile, skipped: &ObjSkipped) -> Diagnostic {
     Diagnostic::warning(code, file.span, format!("`{}`: `{keyword}` ({times}) {what}", file.path)).help(help)
 }
 
-/// The camera of a sensor, `pixels` in place of its own where given: the same view, coarser or finer.
+/// The camera of a sensor, `pixels` in place of its own where given: the same view, coarser or finer; of a scanner the same
+/// swath and way.
 pub fn camera(
     scene: &Scene,
     sensor: &scene::Sensor,
     pixels: Option<(u32, u32)>,
 ) -> Result<Box<dyn Camera>, Diagnostic> {
     let elevation = scene.site.map_or(0.0, |site| site.elevation);
+    let size = pixels.unwrap_or(sensor.pixels);
+    let coarser = f64::from(sensor.pixels.0) / f64::from(size.0);
+    let refuse = |error: sunglint_sensor::CameraError| Diagnostic::error("V02", sensor.span, error.to_string());
+    let standoff = |altitude: f64| Standoff::Height(altitude - elevation);
+    let optics = match sensor.optics {
+        Optics::FieldOfView(angle) => Ok(sunglint_sensor::Optics::FieldOfView(angle)),
+        Optics::Ifov(angle) => Ok(sunglint_sensor::Optics::Ifov(angle)),
+        Optics::FocalLength { focal_length, pitch } => Ok(sunglint_sensor::Optics::FocalLength { focal_length, pitch }),
+        Optics::Swath(width) => Err(Extent::Swath(width)),
+        Optics::GroundSample(width) => Err(Extent::GroundSample(width * coarser)),
+    };
+    let misfit = |what: &str| Err(Diagnostic::error("V01", sensor.span, what.to_string()));
+    if sensor.projection.is_scanner() {
+        let (Ok(optics), Some(flight)) = (optics, sensor.flight) else {
+            return misfit("a scanner takes an angle or a focal length, a speed and a line rate");
+        };
+        let flight = Flight { heading: flight.heading, speed: flight.speed, line_rate: flight.line_rate };
+        let pose = match sensor.pose {
+            SensorPose::LookAt { position, look_at, .. } => ScanPose::LookAt { position, look_at },
+            SensorPose::Attitude { position, depression, roll, .. } => {
+                ScanPose::Attitude { position, depression, roll }
+            }
+            SensorPose::Target { look_at, altitude, view_zenith, view_azimuth } => {
+                ScanPose::Target { look_at, standoff: standoff(altitude), view_zenith, view_azimuth }
+            }
+        };
+        return Ok(match sensor.projection {
+            Projection::Whiskbroom => {
+                Box::new(Whiskbroom::new(pose, flight, optics, sensor.pixels).map_err(refuse)?.resampled(size))
+            }
+            _ => Box::new(Pushbroom::new(pose, flight, optics, sensor.pixels).map_err(refuse)?.resampled(size)),
+        });
+    }
     let pose = match sensor.pose {
         SensorPose::LookAt { position, look_at, roll } => FramePose::LookAt { position, look_at, roll },
         SensorPose::Attitude { position, heading, depression, roll } => {
             FramePose::Attitude { position, heading, depression, roll }
         }
         SensorPose::Target { look_at, altitude, view_zenith, view_azimuth } => {
-            FramePose::Target { look_at, standoff: Standoff::Height(altitude - elevation), view_zenith, view_azimuth }
+            FramePose::Target { look_at, standoff: standoff(altitude), view_zenith, view_azimuth }
         }
     };
-    let size = pixels.unwrap_or(sensor.pixels);
-    let coarser = f64::from(sensor.pixels.0) / f64::from(size.0);
-    let refuse = |error: sunglint_sensor::CameraError| Diagnostic::error("V02", sensor.span, error.to_string());
-    Ok(match (sensor.projection, sensor.optics) {
-        (Projection::Perspective, optics) => {
-            let optics = match optics {
-                Optics::FieldOfView(angle) => sunglint_sensor::Optics::FieldOfView(angle),
-                Optics::Ifov(angle) => sunglint_sensor::Optics::Ifov(angle * coarser),
-                Optics::FocalLength { focal_length, pitch } => {
-                    sunglint_sensor::Optics::FocalLength { focal_length, pitch: pitch * coarser }
-                }
-                Optics::Swath(_) | Optics::GroundSample(_) => {
-                    return Err(Diagnostic::error(
-                        "V01",
-                        sensor.span,
-                        "a swath or ground sample belongs to an orthographic sensor",
-                    ));
-                }
-            };
-            Box::new(FrameCamera::new(pose, optics, size).map_err(refuse)?)
-        }
-        (Projection::Orthographic, optics) => {
-            let extent = match optics {
-                Optics::Swath(width) => sunglint_sensor::Extent::Swath(width),
-                Optics::GroundSample(width) => sunglint_sensor::Extent::GroundSample(width * coarser),
-                _ => {
-                    return Err(Diagnostic::error(
-                        "V01",
-                        sensor.span,
-                        "an orthographic sensor takes a swath or a ground sample",
-                    ));
-                }
-            };
-            Box::new(Orthographic::new(pose, extent, size).map_err(refuse)?)
-        }
+    Ok(match (sensor.projection, optics) {
+        (Projection::Orthographic, Err(extent)) => Box::new(Orthographic::new(pose, extent, size).map_err(refuse)?),
+        (Projection::Orthographic, Ok(_)) => return misfit("an orthographic sensor takes a swath or a ground sample"),
+        (_, Err(_)) => return misfit("a swath or ground sample belongs to an orthographic sensor"),
+        (_, Ok(optics)) => Box::new(FrameCamera::new(pose, optics, sensor.pixels).map_err(refuse)?.resampled(size)),
     })
 }
 

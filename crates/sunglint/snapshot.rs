@@ -360,7 +360,7 @@ fn write_snapshot(scene: &Path, at: &Path, run: &Run, now: &Now) -> io::Result<(
         });
     }
     channels.push(RasterChannel { name: CODES.into(), unit: "1", centre_nm: None, fwhm_nm: None, data: &codes });
-    let raster = Raster { width: now.image.width, height: now.image.height, channels };
+    let raster = Raster { width: now.image.width, height: now.image.height, channels, ..Raster::default() };
     let names: Vec<String> = now.materials.names.iter().map(|(code, name)| format!("{code} {name}")).collect();
     let attributes =
         [("experiment", run.experiment.clone()), ("sensor", run.sensor.clone()), ("materials", names.join("; "))];

@@ -360,7 +360,7 @@ impl<'a> Checker<'a> {
         self.names.forget(Kind::Placement);
         (self.placements, self.opening) = (0, true);
         let title = top.get("scene").and_then(|line| self.text(&line)).map(|(title, _)| title.to_string());
-        let site = self.site(top);
+        let (site, crs) = self.site(top);
         let weathers = self.weathers(top);
         let collects = self.collects(top, site.is_some() || top.said("site"));
         let n_collects = collects.len();
@@ -433,6 +433,7 @@ impl<'a> Checker<'a> {
         let scene = Scene {
             title,
             site,
+            crs,
             collects,
             weathers,
             atmosphere,

@@ -15,6 +15,8 @@ pub struct Scene {
     pub title: Option<String>,
     /// Where it is.
     pub site: Option<Site>,
+    /// What x and y are, where the site says it.
+    pub crs: Option<Crs>,
     /// Collection sets, at least one.
     pub collects: Vec<Collect>,
     /// The weather that holds where a collection names none; first the unnamed one.
@@ -70,6 +72,20 @@ pub struct Site {
     pub convergence: f64,
     /// Where it is said.
     pub span: Span,
+}
+
+/// The coordinate reference system whose easting and northing \[m\] x and y are.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Crs {
+    /// WGS 84 / UTM.
+    Utm {
+        /// 1..60.
+        zone: u8,
+        /// Whether of the southern hemisphere, with its false northing.
+        south: bool,
+    },
+    /// Well-known text of a projected system in metres.
+    Wkt(String),
 }
 
 /// A calendar date.
@@ -344,7 +360,7 @@ impl Weather {
 }
 
 /// One use of a model, its block held against what the model declares.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct ModelUse {
     /// Name of the model.
     pub name: String,
@@ -712,9 +728,31 @@ pub enum Projection {
     Perspective,
     /// Parallel.
     Orthographic,
+    /// Perspective across, lines carried along.
+    Pushbroom,
+    /// Equal angles across, lines carried along.
+    Whiskbroom,
 }
 
-/// Where a sensor stands and looks.
+impl Projection {
+    /// Whether the image is made line by line from a moving sensor.
+    pub fn is_scanner(self) -> bool {
+        matches!(self, Self::Pushbroom | Self::Whiskbroom)
+    }
+}
+
+/// How a scanner moves.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flight {
+    /// Clockwise from north \[rad\].
+    pub heading: f64,
+    /// \[m/s\]
+    pub speed: f64,
+    /// Lines a second \[Hz\].
+    pub line_rate: f64,
+}
+
+/// Where a sensor stands and looks; of a scanner, at its first line.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum SensorPose {
     /// Position and a point it looks at.
@@ -732,9 +770,9 @@ pub enum SensorPose {
         position: DVec3,
         /// Clockwise from north \[rad\].
         heading: f64,
-        /// Below the horizontal \[rad\].
+        /// Below the horizontal \[rad\]; of a scanner up to π: beyond π/2 it looks back.
         depression: f64,
-        /// Roll about the line of sight \[rad\].
+        /// Roll about the line of sight, of a scanner about its heading \[rad\].
         roll: f64,
     },
     /// A point and the view angles from it.
@@ -850,6 +888,10 @@ pub struct Sensor {
     pub optics: Optics,
     /// Across, down.
     pub pixels: (u32, u32),
+    /// Motion, of a scanner.
+    pub flight: Option<Flight>,
+    /// Its detector.
+    pub ccd: Option<ModelUse>,
     /// Bands, in order.
     pub bands: Vec<Bands>,
     /// Indices of the collection sets it takes part in.
@@ -907,6 +949,10 @@ pub struct Products {
     pub preview: bool,
     /// The radiance that leaves the surface, before τ₂ and L_u.
     pub surface_radiance: bool,
+    /// Digital numbers of the sensor's detector.
+    pub counts: bool,
+    /// π times that radiance over the irradiance of the open level ground.
+    pub reflectance_factor: bool,
 }
 
 /// An experiment, or one run of an experiment that sweeps.

@@ -29,20 +29,48 @@ impl Channels {
     /// # Panics
     /// Where a response has no overlap with the grid; the sensor has checked that before.
     pub fn new(grid: &SpectralGrid, bands: &[(Channel, Curve)]) -> Self {
+        match Self::weighted(grid, bands, &vec![1.0; grid.len()]) {
+            Ok((channels, _)) => channels,
+            Err(band) => panic!("band `{}` has no response on the grid", bands[band].0.name),
+        }
+    }
+
+    /// As [`new`](Self::new), each response times a factor at every grid entry; with the integrals over wavelength of these
+    /// products \[factor · µm\], by which a channel's mean becomes the integral ∫ S R factor dλ.
+    ///
+    /// # Errors
+    /// The index of a band whose product is 0 at every entry.
+    pub fn weighted(
+        grid: &SpectralGrid,
+        bands: &[(Channel, Curve)],
+        factor: &[f64],
+    ) -> Result<(Self, Vec<f64>), usize> {
         let mut rows = Vec::with_capacity(bands.len());
-        for (channel, response) in bands {
+        let mut integrals = Vec::with_capacity(bands.len());
+        for (band, (channel, response)) in bands.iter().enumerate() {
             let mut weights = response.on(grid);
-            for (weight, entry) in weights.iter_mut().zip(grid.entries()) {
+            for ((weight, entry), factor) in weights.iter_mut().zip(grid.entries()).zip(factor) {
                 let owned = grid.band_of(entry).is_none_or(|band| band == channel.name);
-                *weight *= if owned { entry.weight * grid.bin_of(entry).width() } else { 0.0 };
+                *weight *= if owned { factor * entry.weight * grid.bin_of(entry).width() } else { 0.0 };
             }
             let total: f64 = weights.iter().sum();
-            assert!(total > 0.0, "band `{}` has no response on the grid", channel.name);
+            if !(total > 0.0) {
+                return Err(band);
+            }
             let first = weights.iter().position(|w| *w != 0.0).unwrap_or(0);
             let last = weights.iter().rposition(|w| *w != 0.0).unwrap_or(0);
             rows.push((first, weights[first..=last].iter().map(|w| w / total).collect()));
+            integrals.push(total);
         }
-        Self { channels: bands.iter().map(|(channel, _)| channel.clone()).collect(), rows }
+        Ok((Self { channels: bands.iter().map(|(channel, _)| channel.clone()).collect(), rows }, integrals))
+    }
+
+    /// These channels and then others.
+    #[must_use]
+    pub fn joined(mut self, others: Self) -> Self {
+        self.channels.extend(others.channels);
+        self.rows.extend(others.rows);
+        self
     }
 
     /// The channels, in order of output.
@@ -84,6 +112,22 @@ mod tests {
 
     fn channel(name: &str) -> Channel {
         Channel { name: name.into(), centre: Wavelength::from_um(0.5), fwhm: 0.1 }
+    }
+
+    /// A factor that rises across a band shifts its mean and gives its integral: ∫ λ dλ and ∫ λ² dλ over 0.42..0.52.
+    #[test]
+    fn a_weighted_channel_is_the_integral_over_its_own_weight() {
+        let grid = SpectralGrid::from_edges(&[0.42, 0.47, 0.52]);
+        let wavelengths: Vec<f64> = grid.entries().iter().map(|entry| entry.wavelength.um()).collect();
+        let band = [(channel("blue"), Curve::boxcar(0.42, 0.52))];
+        let (channels, integrals) = Channels::weighted(&grid, &band, &wavelengths).unwrap();
+        let moment = |p: i32| (0.52f64.powi(p) - 0.42f64.powi(p)) / f64::from(p);
+        let mut mean = [0.0; 1];
+        channels.fold(&wavelengths, &mut mean);
+        assert!((integrals[0] / moment(2) - 1.0).abs() < 1e-12);
+        assert!((mean[0] * integrals[0] / moment(3) - 1.0).abs() < 1e-12);
+        assert_eq!(Channels::weighted(&grid, &band, &[0.0; 4]).unwrap_err(), 0);
+        assert_eq!(channels.clone().joined(channels).len(), 2);
     }
 
     /// Two overlapping bands, E and ρ straight lines: the band mean of the product is its exact integral.

@@ -102,24 +102,7 @@ pub struct Ccd {
 }
 
 fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<Ccd>, BindError> {
-    for name in ["quantum_efficiency", "transmittance"] {
-        let values: Vec<f64> = match args.spectral(name) {
-            Some(SpectralValue::Constant(value)) => vec![*value],
-            Some(SpectralValue::Curve(curve)) => vec![curve.range().0, curve.range().1],
-            Some(SpectralValue::PerBand(values)) => values.iter().map(|(_, value)| *value).collect(),
-            None => Vec::new(),
-        };
-        if let Some(value) = values.into_iter().find(|value| !(0.0..=1.0).contains(value)) {
-            let what = if name == "transmittance" { "a transmittance" } else { "a quantum efficiency" };
-            let message = format!("{what} lies between 0 and 1, not at {value}");
-            return Err(BindError::new(
-                "V03",
-                if name == "transmittance" { "transmittance" } else { "quantum_efficiency" },
-                message,
-            )
-            .help("is it in percent? write `%`, or name the column `…_percent`"));
-        }
-    }
+    Ccd::check(args)?;
     let (pitch, exposure) = (args.number("pitch"), args.number("exposure"));
     let (f_number, full_well) = (args.number("f_number"), args.number("full_well"));
     let of_band = |missing| BindError { code: "V03", param: Some("quantum_efficiency"), ..BindError::from(missing) };
@@ -168,6 +151,26 @@ fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<Ccd>, BindError> {
 }
 
 impl Ccd {
+    /// That efficiency and transmittance lie between 0 and 1 wherever they are given.
+    ///
+    /// # Errors
+    /// `V03`, at the parameter.
+    pub fn check(args: &Args) -> Result<(), BindError> {
+        for (name, what) in [("quantum_efficiency", "a quantum efficiency"), ("transmittance", "a transmittance")] {
+            let values: Vec<f64> = match args.spectral(name) {
+                Some(SpectralValue::Constant(value)) => vec![*value],
+                Some(SpectralValue::Curve(curve)) => vec![curve.range().0, curve.range().1],
+                Some(SpectralValue::PerBand(values)) => values.iter().map(|(_, value)| *value).collect(),
+                None => Vec::new(),
+            };
+            if let Some(value) = values.into_iter().find(|value| !(0.0..=1.0).contains(value)) {
+                let message = format!("{what} lies between 0 and 1, not at {value}");
+                return Err(BindError::new("V03", name, message).help("is it in percent? then write the unit `%`"));
+            }
+        }
+        Ok(())
+    }
+
     /// Electrons per digital number.
     pub fn gain(&self) -> f64 {
         self.gain

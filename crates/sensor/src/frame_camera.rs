@@ -69,6 +69,13 @@ impl FrameCamera {
         Ok(Self { axes, pixels, step })
     }
 
+    /// The same view in other pixels: as wide, its pixels still square.
+    #[must_use]
+    pub fn resampled(self, pixels: (u32, u32)) -> Self {
+        let coarser = f64::from(self.pixels.0) / f64::from(pixels.0.max(1));
+        Self { pixels, step: self.step * coarser, ..self }
+    }
+
     /// Angles between opposite edges of the image, across and down \[rad\].
     pub fn field_of_view(&self) -> (f64, f64) {
         let angle = |n: u32| 2.0 * (0.5 * f64::from(n) * self.step).atan();

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::Args;
 use serde_json::{Value, json};
 use sunglint::tracer::Accuracy;
-use sunglint::{Plan, Run, moments_json, settings_json, skips_json};
+use sunglint::{Plan, Run, map_json, moments_json, settings_json, skips_json};
 
 use super::{Only, Outcome, plan_of, print, print_json};
 
@@ -89,6 +89,21 @@ fn text(plan: &Plan) -> String {
             run.moments.len(),
             if run.moments.len() == 1 { "" } else { "s" },
         );
+        if let Some(map) = &run.map {
+            let ((width, height), turned) = (map.pixel_size(), map.rotation_deg());
+            let turned = if turned == 0.0 { String::new() } else { format!(", its top at {turned:.3} deg") };
+            out += &format!("  map: pixels of {width:.6} x {height:.6} m{turned}\n");
+        }
+        if let Some(readout) = &run.readout {
+            let full: Vec<String> = (run.channels.channels().iter().enumerate())
+                .map(|(band, channel)| {
+                    let (slope, intercept) = readout.calibration(band);
+                    format!("{} {:.4}", channel.name, slope * f64::from(readout.ccd.largest()) + intercept)
+                })
+                .collect();
+            let (bits, gain) = (readout.ccd.bits, readout.ccd.gain());
+            out += &format!("  counts: {bits} bits of {gain:.3} e-, full at (W m-2 sr-1 um-1) {}\n", full.join(", "));
+        }
         let models: Vec<String> = run.models.iter().map(|(material, model)| format!("{material}: {model}")).collect();
         out += &format!("  models: {}\n", models.join(", "));
         run.estimators.iter().for_each(|line| out += &format!("  estimator: {line}\n"));
@@ -122,6 +137,7 @@ fn to_json(plan: &Plan) -> Value {
                 "grid_entries": run.grid.len(),
                 "columns_solved": run.columns_solved,
                 "models": run.models,
+                "map": map_json(run),
                 "estimators": run.estimators,
                 "skips": skips_json(&run.skips),
             })

@@ -1,4 +1,4 @@
-//! OpenEXR: 32-bit floats, one channel a band, without loss.
+//! OpenEXR: 32-bit floats or whole numbers, one channel a band, without loss.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Seek, SeekFrom, Write};
@@ -10,9 +10,9 @@ use ::exr::meta::BlockDescription;
 use ::exr::meta::attribute::{AttributeValue, ChannelDescription, Compression, LineOrder, SampleType, Text};
 use ::exr::meta::header::Header;
 
-use super::{Raster, ascii, invalid, named_attributes, whole};
+use super::{Encoding, Raster, ascii, invalid, named_attributes, whole};
 
-/// Writes a scan-line OpenEXR file: 32-bit floats, ZIP compression, lossless.
+/// Writes a scan-line OpenEXR file: 32-bit floats or whole numbers, ZIP compression, lossless.
 ///
 /// A channel bears the name of its band. OpenEXR lists channels by name, so text attributes hold the raster's own order:
 /// `sunglint:channels`, and in that order `sunglint:units`, `sunglint:wavelengths_nm`, `sunglint:fwhm_nm`, parted by
@@ -39,7 +39,10 @@ pub fn write_exr(path: &Path, raster: &Raster, attributes: &[(&str, String)]) ->
                         let first = position.y() * width + position.x();
                         let samples = &raster.channels[by_name[line.location.channel]].data[first..];
                         for (bytes, sample) in line.value.chunks_exact_mut(4).zip(samples) {
-                            bytes.copy_from_slice(&sample.to_ne_bytes());
+                            bytes.copy_from_slice(&match raster.encoding {
+                                Encoding::Float => sample.to_ne_bytes(),
+                                Encoding::Whole { .. } => (*sample as u32).to_ne_bytes(),
+                            });
                         }
                     });
                     (index_in_header, block)
@@ -79,7 +82,8 @@ fn header(raster: &Raster, by_name: &[usize], attributes: Vec<(String, String)>)
         .map(|idx| {
             let name = text(&raster.channels[*idx].name)?;
             // Compressors that lose may quantise as the eye sees unless told that samples are linear; ours loses nothing.
-            Ok(ChannelDescription::new(name, SampleType::F32, true))
+            let of = if raster.encoding == Encoding::Float { SampleType::F32 } else { SampleType::U32 };
+            Ok(ChannelDescription::new(name, of, true))
         })
         .collect::<io::Result<_>>()?;
     let size = (raster.width as usize, raster.height as usize);
@@ -191,7 +195,7 @@ mod tests {
             channel("blue", Some(472.5), &data[1]),
             channel(long, None, &odd),
         ];
-        let raster = Raster { width: width as u32, height: height as u32, channels };
+        let raster = Raster { width: width as u32, height: height as u32, channels, ..Raster::default() };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("radiance.exr");
         write_exr(&path, &raster, &[("time", "1992-06-18T16:00:00Z".into())]).unwrap();
@@ -208,13 +212,28 @@ mod tests {
         assert_eq!(attributes["sunglint:time"], "1992-06-18T16:00:00Z");
     }
 
+    #[test]
+    fn whole_numbers_are_stored_as_such() {
+        let data = [0.0, 65_535.0, 16_777_215.0];
+        let channel = RasterChannel { name: "red".into(), unit: "DN", centre_nm: None, fwhm_nm: None, data: &data };
+        let raster = Raster { width: 3, height: 1, channels: vec![channel], encoding: Encoding::Whole { bits: 24 } };
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("counts.exr");
+        write_exr(&path, &raster, &[]).unwrap();
+        let image =
+            read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer().all_attributes();
+        let image = image.from_file(&path).unwrap();
+        let FlatSamples::U32(samples) = &image.layer_data.channel_data.list[0].sample_data else { panic!("not whole") };
+        assert_eq!(samples, &[0, 65_535, 16_777_215]);
+    }
+
     /// The header is a hash map in the crate; a resumed run and a merged one must not differ by its whims.
     #[test]
     fn equal_input_gives_equal_bytes() {
         let data = vec![1.5; 64 * 64];
         let channel =
             RasterChannel { name: "nir".into(), unit: "1", centre_nm: Some(870.0), fwhm_nm: None, data: &data };
-        let raster = Raster { width: 64, height: 64, channels: vec![channel] };
+        let raster = Raster { width: 64, height: 64, channels: vec![channel], ..Raster::default() };
         let attributes: Vec<(&str, String)> =
             ["a", "b", "c", "d", "e", "f"].iter().map(|name| (*name, name.repeat(3))).collect();
         let folder = tempfile::tempdir().unwrap();
@@ -235,11 +254,11 @@ mod tests {
             |name: &str| RasterChannel { name: name.into(), unit: "1", centre_nm: None, fwhm_nm: None, data: &data };
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("x.exr");
-        let raster = Raster { width: 3, height: 1, channels: vec![channel("a")] };
+        let raster = Raster { width: 3, height: 1, channels: vec![channel("a")], ..Raster::default() };
         assert!(write_exr(&path, &raster, &[]).is_err());
-        let raster = Raster { width: 4, height: 1, channels: vec![channel("a"), channel("a")] };
+        let raster = Raster { width: 4, height: 1, channels: vec![channel("a"), channel("a")], ..Raster::default() };
         assert!(write_exr(&path, &raster, &[]).is_err());
-        let raster = Raster { width: 4, height: 1, channels: vec![channel("a")] };
+        let raster = Raster { width: 4, height: 1, channels: vec![channel("a")], ..Raster::default() };
         assert!(write_exr(&path, &raster, &[("units", "mine".into())]).is_err());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
     }

@@ -4,6 +4,7 @@
 
 mod envi;
 mod exr;
+mod map;
 mod png;
 mod read;
 mod whole;
@@ -13,12 +14,26 @@ use std::io;
 
 pub use self::envi::write_envi;
 pub use self::exr::write_exr;
+pub use self::map::MapProjection;
 pub use self::png::{Stretch, StretchCollector, composite_bands, write_png_gray, write_png_rgb};
 pub use self::read::{Image, ImageBand, ReadError, Samples, read_image};
 pub use self::whole::write_whole;
 
+/// How samples are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Encoding {
+    /// 32-bit floats.
+    #[default]
+    Float,
+    /// Whole numbers from 0 up, of so many bits, at most 24: floats hold them without loss until they are written.
+    Whole {
+        /// Bits that they need.
+        bits: u32,
+    },
+}
+
 /// An image of several channels.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Raster<'a> {
     /// Pixels across.
     pub width: u32,
@@ -26,6 +41,8 @@ pub struct Raster<'a> {
     pub height: u32,
     /// Channels, in the order of the sensor's bands.
     pub channels: Vec<RasterChannel<'a>>,
+    /// How they are stored.
+    pub encoding: Encoding,
 }
 
 /// One channel of an image.
@@ -129,7 +146,9 @@ mod tests {
             fwhm_nm: None,
             data,
         };
-        let check = |width, channels| Raster { width, height: 1, channels }.check().map_err(|error| error.to_string());
+        let check = |width, channels| {
+            Raster { width, height: 1, channels, ..Raster::default() }.check().map_err(|error| error.to_string())
+        };
         assert_eq!(check(2, vec![channel("red", &[1.0, 2.0])]), Ok(()));
         assert_eq!(
             check(2, vec![channel("red", &[1.0])]),

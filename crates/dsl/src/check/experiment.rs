@@ -45,7 +45,15 @@ const PRODUCTS: &[&str] = &["radiance", "truth", "preview", "surface_radiance", 
 /// What an experiment asks where it says nothing.
 const ACCURACY: Accuracy = Accuracy::Error { relative: 0.01, floor: None };
 const SEED: u64 = 1;
-const WRITTEN: Products = Products { radiance: true, truth: true, preview: true, surface_radiance: false };
+const NOTHING: Products = Products {
+    radiance: false,
+    truth: false,
+    preview: false,
+    surface_radiance: false,
+    counts: false,
+    reflectance_factor: false,
+};
+const WRITTEN: Products = Products { radiance: true, truth: true, preview: true, ..NOTHING };
 const MOST_SAMPLES: u64 = 1 << 24;
 /// Longest time of rendering a run \[s\]: 30 days.
 const LONGEST: f64 = 30.0 * 86_400.0;
@@ -217,7 +225,7 @@ impl<'a> Checker<'a> {
             self.absent(line, "names of products");
             return None;
         };
-        let mut products = Products { radiance: false, truth: false, preview: false, surface_radiance: false };
+        let mut products = NOTHING;
         let mut good = true;
         let mut any = false;
         for member in self.members(line, item)? {
@@ -231,10 +239,8 @@ impl<'a> Checker<'a> {
                 "truth" => products.truth = true,
                 "preview" => products.preview = true,
                 "surface_radiance" => products.surface_radiance = true,
-                "counts" | "reflectance_factor" => {
-                    self.report(later(Severity::Warning, given.span, word));
-                    continue;
-                }
+                "counts" => products.counts = true,
+                "reflectance_factor" => products.reflectance_factor = true,
                 _ => {
                     let near = self.near(word, PRODUCTS.iter().copied()).map(|near| format!("`{near}`?"));
                     let fault = self.misfit(&given, "X01", format!("there is no product `{word}`"));

@@ -4,25 +4,28 @@ use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::DVec3;
+use sunglint_plugin::Role;
 use sunglint_radiometry::Dimension;
 
-use super::block::{Body, Braces, Line, Owner, Rule, later, rule};
+use super::block::{Body, Braces, Line, Owner, Rule, rule};
 use super::names::Kind;
 use super::value::{BANDWIDTH, COORDINATE, Quantity, SIZE, TURN, WAVELENGTH};
 use super::{Checker, Entity};
 use crate::ast::{Item, Value};
-use crate::scene::{Bands, Optics, Projection, Sensor, SensorPose, Site};
-use crate::{Diagnostic, Severity, Span};
+use crate::scene::{Bands, Flight, ModelUse, Optics, Projection, Sensor, SensorPose, Site};
+use crate::{Diagnostic, Span};
 
 const FROM_TARGET: &[&str] = &["altitude", "view_zenith", "view_azimuth"];
-const NOT_FROM_TARGET: &[&str] = &["position", "heading", "depression", "roll"];
+const NOT_FROM_TARGET: &[&str] = &["position", "depression", "roll"];
+/// A frame camera has one of these or a heading; to a scanner the heading says where it flies.
+const LOOKING: [&str; 4] = ["look_at", "altitude", "view_zenith", "view_azimuth"];
 
 /// The statements of a sensor's block.
 pub(super) const SENSOR: &[Rule] = &[
-    rule("projection", "projection perspective|orthographic"),
+    rule("projection", "projection perspective|orthographic|pushbroom|whiskbroom"),
     rule("position", "position POINT").excludes(FROM_TARGET),
-    rule("look_at", "look_at POINT").excludes(&["heading", "depression"]),
-    rule("heading", "heading ANGLE").excludes(&["look_at", "altitude", "view_zenith", "view_azimuth"]),
+    rule("look_at", "look_at POINT").excludes(&["depression"]),
+    rule("heading", "heading ANGLE"),
     rule("depression", "depression ANGLE").excludes(&["look_at", "altitude", "view_zenith", "view_azimuth"]),
     rule("roll", "roll ANGLE").excludes(FROM_TARGET),
     rule("altitude", "altitude LENGTH").excludes(NOT_FROM_TARGET),
@@ -34,8 +37,8 @@ pub(super) const SENSOR: &[Rule] = &[
     rule("swath", "swath LENGTH").excludes(&["ground_sample"]),
     rule("ground_sample", "ground_sample LENGTH"),
     rule("pixels", "pixels 640 x 480").required(),
-    rule("speed", "speed SPEED"),
-    rule("line_rate", "line_rate RATE"),
+    rule("speed", "speed 70 m/s"),
+    rule("line_rate", "line_rate 100 Hz"),
     rule("band", "band NAME 600..700 nm").many().leading(1).clauses(&[
         rule("centre", "centre WAVELENGTH fwhm WAVELENGTH"),
         rule("fwhm", "centre WAVELENGTH fwhm WAVELENGTH"),
@@ -46,7 +49,7 @@ pub(super) const SENSOR: &[Rule] = &[
         rule("every", "every WAVELENGTH"),
         rule("fwhm", "fwhm WAVELENGTH"),
     ]),
-    rule("ccd", "ccd { … }").braces(Braces::Optional).later(Severity::Warning),
+    rule("ccd", "ccd { … }").braces(Braces::Required),
     rule("collect", "collect NAMES"),
 ];
 
@@ -77,17 +80,24 @@ impl<'a> Checker<'a> {
             Some(line) => self.projection(&line),
             None => Some(Projection::Perspective),
         };
-        if projection.is_some() {
-            for key in ["speed", "line_rate"] {
-                if let Some(line) = body.get(key) {
-                    let message = format!("`{key}` belongs to a scanner; this sensor is a frame camera");
-                    self.report(Diagnostic::error("V01", line.span(), message).label("leave it out"));
-                }
+        let scans = projection.is_some_and(Projection::is_scanner);
+        let flight = if scans { self.flight(body, &owner) } else { None };
+        let framed;
+        let body = match projection {
+            Some(_) if !scans => {
+                framed = self.framed(body);
+                &framed
             }
-        }
-        let pose = self.sensor_pose(body, site, &owner);
-        let optics = projection.and_then(|projection| self.optics(body, projection, &owner));
+            _ => body,
+        };
+        let pose = self.sensor_pose(body, site, scans, &owner);
+        let ccd = self.detector(body);
+        let optics = projection.and_then(|projection| self.optics(body, projection, ccd.as_ref(), &owner));
         let pixels = body.get("pixels").and_then(|line| self.grid(&line, MOST_PIXELS));
+        if let (Some(flight), Some(ccd), Some((across, _))) = (flight, &ccd, pixels) {
+            let pixels_in_turn = if projection == Some(Projection::Whiskbroom) { across as f64 } else { 1.0 };
+            self.exposure_fits(body, ccd, flight.line_rate * pixels_in_turn);
+        }
         let bands = self.bands(body, &owner);
         let collects = match body.get("collect") {
             Some(line) => self.references(&line, line.items, Kind::Collect).unwrap_or_default(),
@@ -105,6 +115,8 @@ impl<'a> Checker<'a> {
             }),
             optics: optics.unwrap_or(Optics::FieldOfView(1.0)),
             pixels: (across as u32, down as u32),
+            flight,
+            ccd,
             bands,
             collects,
             span: entity.line.span(),
@@ -115,14 +127,88 @@ impl<'a> Checker<'a> {
         match self.word_of(line, &["perspective", "orthographic", "pushbroom", "whiskbroom"])? {
             "perspective" => Some(Projection::Perspective),
             "orthographic" => Some(Projection::Orthographic),
-            scanner => {
-                self.report(later(Severity::Error, line.value_span(), scanner).help("this version has frame cameras"));
-                None
-            }
+            "pushbroom" => Some(Projection::Pushbroom),
+            _ => Some(Projection::Whiskbroom),
         }
     }
 
-    fn sensor_pose(&mut self, body: &Body<'a>, site: Option<Site>, owner: &Owner) -> Option<SensorPose> {
+    /// How a scanner moves.
+    fn flight(&mut self, body: &Body<'a>, owner: &Owner) -> Option<Flight> {
+        let lacking: Vec<&str> = ["speed", "line_rate"].into_iter().filter(|key| !body.said(key)).collect();
+        if !lacking.is_empty() {
+            let lacks: Vec<String> = lacking.iter().map(|key| format!("`{key}`")).collect();
+            let message = format!("this scanner lacks {}: N lines come one by one", lacks.join(" and "));
+            let form: Vec<&str> =
+                SENSOR.iter().filter(|rule| lacking.contains(&rule.key)).map(|rule| rule.form).collect();
+            self.missing("V01", &message, &form.join(", "), owner);
+        }
+        let speed = Quantity::new(Dimension::Speed).positive(1e6).usual("m/s");
+        let rate = Quantity::new(Dimension::Rate).positive(1e9).usual("Hz");
+        let speed = self.optional(body.get("speed"), &speed);
+        let line_rate = self.optional(body.get("line_rate"), &rate);
+        let heading = body.get("heading").map_or(Some(0.0), |line| self.quantity(&line, &TURN));
+        Some(Flight { heading: heading?, speed: speed?, line_rate: line_rate? })
+    }
+
+    /// The block of a frame camera without what belongs to a scanner, and with either a heading or what it looks at: what
+    /// the sensor says itself goes before what it has by `like`.
+    fn framed(&mut self, body: &Body<'a>) -> Body<'a> {
+        let mut body = body.clone();
+        for key in ["speed", "line_rate"] {
+            if let Some(line) = body.get(key) {
+                let message = format!("`{key}` belongs to a scanner; this sensor is a frame camera");
+                let fault = Diagnostic::error("V01", line.span(), message).label("leave it out");
+                self.report(fault.help("scanners are `projection pushbroom` and `projection whiskbroom`"));
+            }
+        }
+        let Some(heading) = body.get("heading") else { return body };
+        let looking: Vec<Line> = LOOKING.iter().filter_map(|key| body.get(key)).collect();
+        let own = looking.iter().find(|line| !line.inherited);
+        match (heading.inherited, own.or(looking.first())) {
+            (_, None) => {}
+            (true, Some(_)) if own.is_some() => body.lines.retain(|line| line.key != "heading"),
+            (false, Some(_)) if own.is_none() => body.lines.retain(|line| !LOOKING.contains(&line.key)),
+            (_, Some(other)) => {
+                let (first, second) = match heading.key_span.start < other.key_span.start {
+                    true => (heading, *other),
+                    false => (*other, heading),
+                };
+                let message = format!("`{}` and `{}` exclude each other", second.key, first.key);
+                let fault = Diagnostic::error("V01", second.span(), message).label("say only one of them");
+                self.report(fault.note(first.span(), format!("`{}` is said here", first.key)));
+                body.lines.retain(|line| line.key != "heading");
+                body.faulty.insert("heading");
+            }
+        }
+        body
+    }
+
+    /// The detector's block, held against what the model declares.
+    fn detector(&mut self, body: &Body<'a>) -> Option<ModelUse> {
+        let line = body.get("ccd")?;
+        self.surplus(&line, line.items, 0);
+        let info = self.model(Role::Detector, "ccd", line.key_span)?;
+        Some(self.model_use(Role::Detector, &info, line.key_span, None, line.block, None))
+    }
+
+    /// Reports an exposure that outlasts the time in which a scanner must read its pixels out, `rate` times a second.
+    fn exposure_fits(&mut self, body: &Body<'a>, ccd: &ModelUse, rate: f64) {
+        let (Some(exposure), Some(place)) = (ccd.args.number("exposure"), ccd.param_spans.get("exposure")) else {
+            return;
+        };
+        if exposure * rate > 1.0 + 1e-9 {
+            let each = super::value::written(1e3 / rate);
+            let message = format!(
+                "an exposure of {} ms outlasts the {each} ms in which this scanner reads a pixel",
+                super::value::written(exposure * 1e3)
+            );
+            let fault = Diagnostic::error("V01", *place, message).label(format!("at most {each} ms?"));
+            let rate = body.get("line_rate").map(|line| line.span());
+            self.report(rate.into_iter().fold(fault, |fault, place| fault.note(place, "the line rate")));
+        }
+    }
+
+    fn sensor_pose(&mut self, body: &Body<'a>, site: Option<Site>, scans: bool, owner: &Owner) -> Option<SensorPose> {
         const FORMS: &str = "`position` and `look_at`; `position` with `heading`, `depression`; or `look_at`, `altitude`, \
                              `view_zenith`, `view_azimuth`";
         let said = |key: &str| body.get(key).is_some() || body.faulty.contains(key);
@@ -141,7 +227,9 @@ impl<'a> Checker<'a> {
             }
             return None;
         }
-        let tilt = Quantity::new(Dimension::Angle).within(-FRAC_PI_2, FRAC_PI_2);
+        let tilt = Quantity::new(Dimension::Angle);
+        // A scanner may look ahead or back, but not along its flight.
+        let tilt = if scans { tilt.positive(PI).below(PI) } else { tilt.within(-FRAC_PI_2, FRAC_PI_2) };
         if from_target {
             let look_at = body.get("look_at").and_then(|line| self.vector3(&line, &COORDINATE));
             let altitude = self.optional(body.get("altitude"), &Quantity::new(Dimension::Length).within(-1e4, 1e9));
@@ -168,6 +256,12 @@ impl<'a> Checker<'a> {
         let position = body.get("position").and_then(|line| self.vector3(&line, &COORDINATE));
         let roll = body.get("roll").map_or(Some(0.0), |line| self.quantity(&line, &TURN));
         if let Some(line) = body.get("look_at") {
+            if let Some(roll) = body.get("roll").filter(|_| scans) {
+                let message = "a scanner that looks at a point is rolled so that it does";
+                let fault = Diagnostic::error("V01", roll.span(), message).label("leave it out");
+                self.report(fault.note(line.span(), "what it looks at"));
+                return None;
+            }
             let look_at = self.vector3(&line, &COORDINATE);
             let (position, look_at) = (position?, look_at?);
             if position == look_at {
@@ -187,25 +281,33 @@ impl<'a> Checker<'a> {
         Some(SensorPose::Attitude { position: position?, heading: heading?, depression: depression?, roll: roll? })
     }
 
-    fn optics(&mut self, body: &Body<'a>, projection: Projection, owner: &Owner) -> Option<Optics> {
+    fn optics(
+        &mut self,
+        body: &Body<'a>,
+        projection: Projection,
+        ccd: Option<&ModelUse>,
+        owner: &Owner,
+    ) -> Option<Optics> {
         const PERSPECTIVE: [&str; 3] = ["field_of_view", "ifov", "focal_length"];
         const ORTHOGRAPHIC: [&str; 2] = ["swath", "ground_sample"];
         let (own, other): (&[&str], &[&str]) = match projection {
-            Projection::Perspective => (&PERSPECTIVE, &ORTHOGRAPHIC),
             Projection::Orthographic => (&ORTHOGRAPHIC, &PERSPECTIVE),
+            _ => (&PERSPECTIVE, &ORTHOGRAPHIC),
         };
         let name = match projection {
-            Projection::Perspective => "a perspective",
-            Projection::Orthographic => "an orthographic",
+            Projection::Perspective => "a perspective camera",
+            Projection::Orthographic => "an orthographic camera",
+            Projection::Pushbroom => "a pushbroom scanner",
+            Projection::Whiskbroom => "a whiskbroom scanner",
         };
         if let Some(line) = other.iter().find_map(|key| body.get(key)) {
-            let message = format!("{name} camera has no `{}`", line.key);
+            let message = format!("{name} has no `{}`", line.key);
             self.report(Diagnostic::error("V01", line.span(), message).label(format!("{}?", own.join(", "))));
             return None;
         }
         let Some(line) = own.iter().find_map(|key| body.get(key)) else {
             if !own.iter().chain(other).any(|key| body.said(key)) {
-                let form = if projection == Projection::Perspective { "field_of_view 30 deg" } else { "swath 100 m" };
+                let form = if projection == Projection::Orthographic { "swath 100 m" } else { "field_of_view 30 deg" };
                 let message = format!("this sensor has no optics: one of {} is missing", own.join(", "));
                 self.missing("V01", &message, form, owner);
             }
@@ -219,17 +321,17 @@ impl<'a> Checker<'a> {
             "ground_sample" => Optics::GroundSample(self.quantity(&line, &SIZE)?),
             _ => {
                 let focal_length = self.quantity(&line, &SIZE.usual("mm"));
-                let pitch = body.get("ccd").and_then(|ccd| ccd.block).and_then(|block| {
-                    let statement = block.statements.iter().find(|statement| statement.key.text == "pitch")?;
-                    Some(self.quantity(&Line::of(statement), &SIZE.usual("um")))
-                });
-                let Some(pitch) = pitch else {
+                let Some(pitch) = ccd.and_then(|ccd| ccd.args.number("pitch")) else {
+                    let block = body.get("ccd").and_then(|ccd| ccd.block);
+                    if block.is_some_and(|block| block.statements.iter().any(|said| said.key.text == "pitch")) {
+                        return None; // what is wrong with it has been said
+                    }
                     let message = "a focal length needs the pitch of the detector's pixels";
                     let fault = Diagnostic::error("V01", line.span(), message).label("`ccd { pitch 9.9 um }`?");
                     self.report(fault.help("or give `field_of_view` or `ifov` in its place"));
                     return None;
                 };
-                Optics::FocalLength { focal_length: focal_length?, pitch: pitch? }
+                Optics::FocalLength { focal_length: focal_length?, pitch }
             }
         })
     }

@@ -11,15 +11,15 @@ use super::block::{Body, Braces, Line, Owner, Rule, rule};
 use super::names::Kind;
 use super::value::{Given, Quantity, TURN, written};
 use crate::ast::{Item, Value};
-use crate::scene::{Clock, Cloud, Collect, Date, Site, Times, Utc, Weather};
+use crate::scene::{Clock, Cloud, Collect, Crs, Date, Site, Times, Utc, Weather};
 use crate::table::TableError;
-use crate::{Diagnostic, Severity, Span, record, sounding};
+use crate::{Diagnostic, Span, record, sounding};
 
 pub(super) const SITE: &[Rule] = &[
     rule("latitude", "latitude ANGLE").required(),
     rule("longitude", "longitude ANGLE").required(),
     rule("elevation", "elevation LENGTH"),
-    rule("crs", "crs STRING").later(Severity::Warning),
+    rule("crs", "crs \"EPSG:32618\""),
     rule("convergence", "convergence ANGLE"),
 ];
 
@@ -65,18 +65,125 @@ const AEROSOLS: &[&str] = &["rural", "urban", "maritime", "tropospheric"];
 /// The most times that one collection set may hold.
 const MOST_TIMES: f64 = 10_000.0;
 const DAY: f64 = 86_400.0;
+/// A UTM zone is 6° wide; its projection serves a little beyond \[rad\].
+const FARTHEST: f64 = 9.0 * PI / 180.0;
+
+/// Longitude from the central meridian of a UTM zone, −π..π.
+fn from_meridian(longitude: f64, zone: u8) -> f64 {
+    let meridian = (f64::from(zone) * 6.0 - 183.0).to_radians();
+    (longitude - meridian + PI).rem_euclid(2.0 * PI) - PI
+}
+
+/// Whether a text is the well-known text of a projected system whose unit is the metre; else code and message.
+fn projected_in_metres(text: &str) -> Result<(), (&'static str, String)> {
+    let name = text.split(['[', '(']).next().unwrap_or_default().trim().to_ascii_uppercase();
+    match name.as_str() {
+        "PROJCS" | "PROJCRS" | "PROJECTEDCRS" if name.len() < text.len() => {}
+        "GEOGCS" | "GEOGCRS" | "GEOGRAPHICCRS" | "GEODCRS" | "GEODETICCRS" => {
+            return Err(("U03", "this coordinate system measures in degrees, not in lengths".to_string()));
+        }
+        _ => return Err(("N02", "this is no projected coordinate system".to_string())),
+    }
+    // What stands directly in the outermost brackets, and whether they close.
+    let (mut depth, mut quoted, mut start, mut ends) = (0usize, false, 0, Vec::new());
+    for (i, c) in text.char_indices() {
+        match c {
+            '"' => quoted = !quoted,
+            _ if quoted => {}
+            '[' | '(' => {
+                depth += 1;
+                if depth == 1 {
+                    start = i + 1;
+                }
+            }
+            ']' | ')' | ',' => {
+                if depth == 1 {
+                    ends.push(text[start..i].trim());
+                    start = i + 1;
+                }
+                if c != ',' {
+                    depth = depth.saturating_sub(1);
+                }
+            }
+            _ => {}
+        }
+    }
+    if depth != 0 || quoted || !text.ends_with([']', ')']) {
+        return Err(("N02", "this well-known text is cut short: a bracket or a quote is not closed".to_string()));
+    }
+    let unit = ends.iter().rev().find(|part| {
+        let key = part.split(['[', '(']).next().unwrap_or_default().trim().to_ascii_uppercase();
+        matches!(key.as_str(), "UNIT" | "LENGTHUNIT")
+    });
+    let factor = unit.and_then(|unit| unit.split(',').nth(1)?.trim_matches([' ', ']', ')']).parse::<f64>().ok());
+    match factor {
+        Some(factor) if (factor - 1.0).abs() > 1e-12 => {
+            Err(("U03", format!("the unit of this coordinate system is {} m, not the metre", written(factor))))
+        }
+        _ => Ok(()),
+    }
+}
 
 impl<'a> Checker<'a> {
-    pub(super) fn site(&mut self, top: &Body<'a>) -> Option<Site> {
-        let line = top.get("site")?;
+    pub(super) fn site(&mut self, top: &Body<'a>) -> (Option<Site>, Option<Crs>) {
+        let Some(line) = top.get("site") else { return (None, None) };
         let body = self.block(&line, SITE, "`site`");
         let angle = |limit: f64| Quantity::new(Dimension::Angle).within(-limit, limit);
-        let latitude = self.optional(body.get("latitude"), &angle(FRAC_PI_2))?;
-        let longitude = self.optional(body.get("longitude"), &angle(2.0 * PI))?;
+        let latitude = self.optional(body.get("latitude"), &angle(FRAC_PI_2));
+        let longitude = self.optional(body.get("longitude"), &angle(2.0 * PI));
         let height = Quantity::new(Dimension::Length).within(-1000.0, 9000.0);
         let elevation = self.optional(body.get("elevation"), &height).unwrap_or(0.0);
-        let convergence = self.optional(body.get("convergence"), &angle(PI)).unwrap_or(0.0);
-        Some(Site { latitude, longitude, elevation, convergence, span: line.span() })
+        let convergence = self.optional(body.get("convergence"), &angle(PI));
+        let crs = body.get("crs").and_then(|line| self.crs(&line, longitude));
+        let (Some(latitude), Some(longitude)) = (latitude, longitude) else { return (None, crs) };
+        // Grid north of a UTM zone, by the sphere: within 1e-5 deg of the ellipsoid's.
+        let of_zone = match crs {
+            Some(Crs::Utm { zone, .. }) => (from_meridian(longitude, zone).tan() * latitude.sin()).atan(),
+            _ => 0.0,
+        };
+        let convergence = convergence.unwrap_or(of_zone);
+        (Some(Site { latitude, longitude, elevation, convergence, span: line.span() }), crs)
+    }
+
+    /// A coordinate reference system: `EPSG:n` of a UTM zone, or well-known text.
+    fn crs(&mut self, line: &Line<'a>, longitude: Option<f64>) -> Option<Crs> {
+        let (text, given) = self.text(line)?;
+        let text = text.trim();
+        let paste =
+            "paste its well-known text, as `gdalsrsinfo -o wkt1 --single-line EPSG:n` prints it, its \" as \\\"";
+        let known = "known by number are WGS 84 / UTM: EPSG:32601 to 32660 north, EPSG:32701 to 32760 south";
+        let number = (text.get(..5)).filter(|start| start.eq_ignore_ascii_case("EPSG:")).map(|_| text[5..].trim());
+        if let Some(number) = number {
+            let code: u32 = number.parse().unwrap_or(0);
+            let (zone, south) = ((code % 100) as u8, code / 100 == 327);
+            if !(code / 100 == 326 || south) || !(1..=60).contains(&zone) {
+                let fault = self.misfit(&given, "N02", format!("this version knows no coordinate system `{text}`"));
+                self.report(
+                    fault.label("another number, or well-known text?").help(format!("{known}; for others {paste}")),
+                );
+                return None;
+            }
+            if let Some(longitude) = longitude
+                && from_meridian(longitude, zone).abs() > FARTHEST
+            {
+                let away = from_meridian(longitude, zone).to_degrees().abs();
+                let own = ((longitude.to_degrees() + 180.0).rem_euclid(360.0) / 6.0) as u32 % 60 + 1;
+                let message = format!("the site lies {away:.0} deg from the central meridian of UTM zone {zone}");
+                let fault = self.misfit(&given, "U05", message);
+                self.report(fault.label(format!("\"EPSG:{}\"?", code / 100 * 100 + own)));
+                return None;
+            }
+            return Some(Crs::Utm { zone, south });
+        }
+        match projected_in_metres(text) {
+            Ok(()) => Some(Crs::Wkt(text.to_string())),
+            Err((code, message)) => {
+                let fault = self.misfit(&given, code, message);
+                let label = if code == "U03" { "x and y are metres" } else { "\"EPSG:32618\"?" };
+                self.report(fault.label(label).help(format!("{known}; for others {paste}")));
+                None
+            }
+        }
     }
 
     /// A block of a fixed table, its required lines there.
