@@ -19,7 +19,6 @@ use glam::DVec3;
 use pose::{Slack, assert_exact, assert_sampled, beyond_chord, map, pixel, pixels, run, scene, term, text, whole};
 use sunglint::atmosphere::Path as Sightline;
 use sunglint::radiometry::{STUDENT_T_95, WorldDir};
-use sunglint::tracer::tiles;
 use sunglint::{Frames, Options, Plan, Run, explain};
 
 /// Angular radius of the sun's disk at 1 au \[rad\]: 0.2666°, as docs/CONVENTIONS.md has it.
