@@ -60,6 +60,10 @@ impl Loader for Files {
         self.read.insert(full, loaded.clone());
         Ok(loaded)
     }
+
+    fn done(&mut self, path: &str, from: &str) {
+        self.read.remove(&Path::new(from).parent().unwrap_or(Path::new("")).join(path));
+    }
 }
 
 impl Files {

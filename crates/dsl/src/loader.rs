@@ -26,4 +26,8 @@ pub trait Loader {
     /// Reads the file that `path` names in the file `from` (relative paths are relative to the file they stand in;
     /// `sunglint:…` is shipped data). The main scene has `from = ""`.
     fn read(&mut self, path: &str, from: &str) -> Result<Loaded, LoadError>;
+
+    /// Says that the scene file at this path, as it was asked for, has been read to its end and is not asked for again: what
+    /// was kept of it may go.
+    fn done(&mut self, _path: &str, _from: &str) {}
 }
