@@ -84,6 +84,10 @@ impl Loader for Files {
             }
         }
     }
+
+    fn done(&mut self, path: &str, from: &str) {
+        self.read.remove(&Path::new(from).parent().unwrap_or(Path::new("")).join(path));
+    }
 }
 
 impl Files {

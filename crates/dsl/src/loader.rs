@@ -32,4 +32,8 @@ pub trait Loader {
     fn list(&mut self, _path: &str, _from: &str) -> Result<Vec<String>, LoadError> {
         Ok(Vec::new())
     }
+
+    /// Says that the scene file at this path, as it was asked for, has been read to its end and is not asked for again: what
+    /// was kept of it may go.
+    fn done(&mut self, _path: &str, _from: &str) {}
 }

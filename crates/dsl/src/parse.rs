@@ -116,9 +116,11 @@ impl Reader<'_> {
             return self.diagnostics.push(at("F01", place, format!("a scene has at most {MAX_FILES} files")));
         }
         self.seen.insert(name.clone());
+        let asked = path;
         let crate::Loaded { path, bytes } = loaded;
         let Some(id) = self.text(&path, &bytes, place, MAX_BYTES) else { return };
         drop(bytes);
+        self.loader.done(asked, from);
         let found = scanner::statements(&self.sources.get(id).text, Faults::new(id, self.diagnostics));
         self.open.push((name, place));
         self.version(&found, id, place);
