@@ -636,7 +636,7 @@ impl<'a> Checker<'a> {
         let mut next = 0;
         while let Some((name, wanted)) = self.parents.get(next).copied().filter(|_| material) {
             next += 1;
-            let taken = self.from_database(name, wanted).and_then(|statement| self.shelf_head(statement));
+            let taken = self.take_from_database(name, wanted).and_then(|statement| self.shelf_head(statement));
             let (line, head) = match taken {
                 Some((statement, head)) => (Line::of(statement), head),
                 None => (Line { block: None, ..out[0].line }, Body { obscure: true, ..Body::default() }),

@@ -54,7 +54,7 @@ impl<'a> Checker<'a> {
     }
 
     /// The statement `material NAME { … }` of the first database that has it, wanted at a place. Its faults are reported.
-    pub(super) fn from_database(&mut self, name: &str, wanted: Span) -> Option<&'a Statement> {
+    pub(super) fn take_from_database(&mut self, name: &str, wanted: Span) -> Option<&'a Statement> {
         if let Some(known) = self.shelved.get(name) {
             return *known;
         }

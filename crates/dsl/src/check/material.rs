@@ -97,7 +97,7 @@ impl<'a> Checker<'a> {
     /// The statement of the database that `material NAME` alone stands for; reported where there is none.
     pub(super) fn taken(&mut self, name: &str, span: Span) -> Option<&'a Statement> {
         if self.in_database(name) {
-            return self.from_database(name, span);
+            return self.take_from_database(name, span);
         }
         if !self.excused(name) {
             let own = self.names.of(Kind::Material).filter(|other| *other != name);

@@ -94,10 +94,12 @@ impl<'a> Checker<'a> {
                 self.report(fault.label(format!("`material {name}` alone takes it from the database")));
                 return None;
             }
-            let shelved: Vec<String> =
-                if kind == Kind::Material { self.database_names().map(str::to_string).collect() } else { Vec::new() };
-            let near = self.near(name, self.names.of(kind).chain(shelved.iter().map(String::as_str)));
             let elsewhere = Kind::NAMED.iter().find_map(|other| Some((*other, self.names.find(*other, name)?.1)));
+            let shelved: Vec<String> = match elsewhere {
+                None if kind == Kind::Material => self.database_names().map(str::to_string).collect(),
+                _ => Vec::new(),
+            };
+            let near = self.near(name, self.names.of(kind).chain(shelved.iter().map(String::as_str)));
             let fault = match (near, elsewhere) {
                 (Some(near), _) => fault.label(format!("`{near}`?")),
                 (None, Some((other, place))) => {
