@@ -22,6 +22,9 @@ for name in ("buf_19890628_00z", "buf_20060414_00z"):
         for key in ("pressure_hpa", "height_m_msl", "temperature_c", "dewpoint_c")
     )
     water = metpy.calc.precipitable_water(p * units.hPa, dew * units.degC).to("mm").magnitude
+    # MetPy integrates the mixing ratio; dp/g is the mass of moist air, to which the specific humidity belongs.
+    share = metpy.calc.specific_humidity_from_dewpoint(p * units.hPa, dew * units.degC).magnitude
+    specific = -np.trapezoid(share, 100.0 * p) / 9.80665
     vapour = 6.112 * np.exp(17.67 * dew / (dew + 243.5))  # hPa, Bolton 1980, eq. 10
     density = 100.0 * vapour / (461.5 * (t + 273.15))  # kg m-3
-    print(f"{name}: MetPy {water:.3f} mm, by hand {np.trapezoid(density, z):.3f} mm")
+    print(f"{name}: MetPy {water:.3f} mm, its specific humidity {specific:.3f} mm, by hand {np.trapezoid(density, z):.3f} mm")
