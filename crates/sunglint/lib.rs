@@ -9,6 +9,7 @@
 //! # Ok::<(), sunglint::Refused>(())
 //! ```
 
+mod air;
 mod cache;
 mod catalog;
 mod explain;

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use glam::DVec3;
-use sunglint_atmosphere::{Atmosphere, Column, Needs, Sun};
+use sunglint_atmosphere::{Atmosphere, Cloud, Column, Needs, Sun};
 use sunglint_dsl::scene::{self, Accuracy, Experiment, ModelUse, Sensor, Weather};
 use sunglint_dsl::{Diagnostic, Scene, Severity, Sources};
 use sunglint_geometry::{FacetId, MaterialId, World};
@@ -14,6 +14,7 @@ use sunglint_reflectance::Bsdf;
 use sunglint_sensor::{Band, Camera};
 use sunglint_tracer::{Algorithm, Illumination, Scenery, Surface};
 
+use crate::air::Air;
 use crate::times::Moment;
 use crate::{Checked, Refused, grid, scenery, times};
 
@@ -263,16 +264,20 @@ impl Planner<'_> {
     ) -> Option<Run> {
         let scene = self.scene;
         let sensor = &scene.sensors[sensor_index];
-        let mut moments: Vec<(Moment, Weather)> = Vec::new();
+        let mut moments: Vec<(Moment, Air)> = Vec::new();
+        let elevation = scene.site.map_or(0.0, |site| site.elevation);
         for c in experiment.collects.iter().filter(|c| sensor.collects.contains(c)) {
-            let weather = self.weather(*c, experiment);
-            let found = times::moments(scene, *c, &weather, self.diagnostics);
-            moments.extend(found.into_iter().map(|moment| (moment, weather.clone())));
+            let air = Air::new(self.weather(*c, experiment), elevation, self.diagnostics);
+            let found = times::moments(scene, *c, &air, self.diagnostics);
+            moments.extend(found.into_iter().map(|moment| (moment, air.clone())));
         }
         moments.sort_by(|a, b| a.0.utc.map(|t| t.0).unwrap_or(0.0).total_cmp(&b.0.utc.map(|t| t.0).unwrap_or(0.0)));
         make_labels_unique(scene, &mut moments);
         if !self.options.times.is_empty() {
             moments.retain(|(moment, _)| self.options.times.contains(&moment.label));
+        }
+        for (moment, air) in &mut moments {
+            *air = air.at(moment.utc, self.diagnostics);
         }
         if moments.is_empty() {
             return None;
@@ -280,7 +285,8 @@ impl Planner<'_> {
         let before = self.diagnostics.len();
 
         // A provisional grid tells what nodes and g-points the provider wants.
-        let uses = Self::model_uses(scene, experiment);
+        let mut uses = Self::model_uses(scene, experiment);
+        uses.push((None, &experiment.atmosphere));
         let corners: Vec<Vec<f64>> = uses.iter().flat_map(|(_, use_)| corners_of(&use_.args)).collect();
         let owned = uses.iter().any(|(_, use_)| is_per_band(&use_.args))
             || scene.materials.iter().any(|m| m.used && matches!(m.emission, Some(SpectralValue::PerBand(_))));
@@ -313,7 +319,8 @@ impl Planner<'_> {
         let (light, columns_solved) =
             self.light(experiment, provider.as_ref(), &moments, &grid, &needs, &albedo, solved)?;
 
-        let estimators = algorithm.estimators();
+        let mut estimators = algorithm.estimators();
+        estimators.extend(provider.report());
         let skips = run_skips(algorithm.as_ref(), &scenery, bands, &grid, &light);
         let accuracy = match (self.options.samples, experiment.accuracy) {
             (Some(samples), _) => sunglint_tracer::Accuracy::Samples(samples),
@@ -416,7 +423,7 @@ impl Planner<'_> {
                 SpectralValue::PerBand(_) => format!("`{name}` has no value for band `{}`", band.name),
             };
             let help = match value {
-                SpectralValue::PerBand(_) => "give a value for every band in which the material is seen",
+                SpectralValue::PerBand(_) => "give a value for every band in which it is used",
                 _ => "widen the table, or say `extrapolate hold` behind it",
             };
             let known = self.diagnostics.iter().any(|d| d.span == Some(place) && d.message == message);
@@ -476,9 +483,9 @@ impl Planner<'_> {
     }
 
     /// Weather fields that the atmosphere does not use.
-    fn check_weather(&mut self, provider: &dyn Atmosphere, use_: &ModelUse, moments: &[(Moment, Weather)]) {
+    fn check_weather(&mut self, provider: &dyn Atmosphere, use_: &ModelUse, moments: &[(Moment, Air)]) {
         let mut told = Vec::new();
-        for (_, weather) in moments {
+        for (_, Air { weather, .. }) in moments {
             for (field, span) in &weather.spans {
                 let known = *field == "aerosol" && weather.aerosol.as_deref() == Some("rural");
                 if provider.uses().contains(field) || known || told.contains(span) {
@@ -503,7 +510,7 @@ impl Planner<'_> {
         &mut self,
         experiment: &Experiment,
         provider: &dyn Atmosphere,
-        moments: &[(Moment, Weather)],
+        moments: &[(Moment, Air)],
         grid: &SpectralGrid,
         needs: &Needs,
         albedo: &[f64],
@@ -519,8 +526,8 @@ impl Planner<'_> {
         let mut columns_met: Vec<(Column, String)> = Vec::new();
         let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
         let mut keys = Vec::new();
-        for (i, (moment, weather)) in moments.iter().enumerate() {
-            let column = self.column(weather, albedo);
+        for (i, (moment, air)) in moments.iter().enumerate() {
+            let column = self.column(air, albedo);
             let met = columns_met.iter().position(|(known, _)| *known == column).unwrap_or_else(|| {
                 let key = format!("{provider_key} {column:?}");
                 columns_met.push((column, key));
@@ -563,9 +570,14 @@ impl Planner<'_> {
         Some((keys.iter().map(|key| solved.skies[key].clone()).collect(), columns))
     }
 
-    fn column(&self, weather: &Weather, albedo: &[f64]) -> Column {
+    fn column(&self, air: &Air, albedo: &[f64]) -> Column {
+        let weather = &air.weather;
+        let cloud =
+            |cloud: &scene::Cloud| Cloud { optical_depth: cloud.optical_depth, base: cloud.base, top: cloud.top };
         Column {
-            profile: weather.profile.clone().unwrap_or_else(|| "us_standard".into()),
+            profile: air.profile().into(),
+            sounding: air.sounding.clone(),
+            clouds: weather.clouds.iter().map(cloud).collect(),
             elevation: self.scene.site.map_or(0.0, |site| site.elevation),
             pressure: weather.pressure,
             temperature: weather.temperature,
@@ -605,7 +617,7 @@ struct Solved {
 }
 
 /// Frames of several collection sets may fall on one label: the set's name tells them apart.
-fn make_labels_unique(scene: &Scene, moments: &mut [(Moment, Weather)]) {
+fn make_labels_unique(scene: &Scene, moments: &mut [(Moment, Air)]) {
     let labels: Vec<String> = moments.iter().map(|(moment, _)| moment.label.clone()).collect();
     for (i, (moment, _)) in moments.iter_mut().enumerate() {
         if labels.iter().filter(|label| **label == labels[i]).count() > 1 {

@@ -1,8 +1,10 @@
 //! From collection sets to moments: instants with the sun's place at each.
 
 use sunglint_atmosphere::{Place, Sun, SunEvents, SunPosition, sun_position, sunrise_sunset};
-use sunglint_dsl::scene::{Clock, Collect, Date, Site, Times, Utc, Weather};
+use sunglint_dsl::scene::{Clock, Collect, Date, Site, Times, Utc};
 use sunglint_dsl::{Diagnostic, Scene};
+
+use crate::air::Air;
 
 /// Most times of one collection set.
 const MOST_TIMES: usize = 10_000;
@@ -88,7 +90,7 @@ pub fn parse_utc(text: &str) -> Result<Utc, String> {
 }
 
 /// The moments of a collection set, ascending.
-pub fn moments(scene: &Scene, index: usize, weather: &Weather, diagnostics: &mut Vec<Diagnostic>) -> Vec<Moment> {
+pub fn moments(scene: &Scene, index: usize, air: &Air, diagnostics: &mut Vec<Diagnostic>) -> Vec<Moment> {
     let collect = &scene.collects[index];
     match &collect.times {
         Times::NoSun => vec![Moment { label: "no_sun".into(), utc: None, sun: None, collect: index }],
@@ -96,7 +98,7 @@ pub fn moments(scene: &Scene, index: usize, weather: &Weather, diagnostics: &mut
             let label = format!("sun_{:.4}_{:.4}", zenith.to_degrees(), azimuth.to_degrees());
             vec![Moment { label: trimmed(&label), utc: None, sun: Some(Sun::at(*zenith, *azimuth)), collect: index }]
         }
-        Times::At(instants) => at_instants(scene, index, instants, weather, diagnostics),
+        Times::At(instants) => at_instants(scene, index, instants, air, diagnostics),
         Times::Series { dates, from, to, every, zone } => {
             let Some(site) = &scene.site else { return Vec::new() };
             let mut instants = Vec::new();
@@ -119,7 +121,7 @@ pub fn moments(scene: &Scene, index: usize, weather: &Weather, diagnostics: &mut
             }
             instants.sort_by(|a, b| a.0.total_cmp(&b.0));
             instants.dedup();
-            at_instants(scene, index, &instants, weather, diagnostics)
+            at_instants(scene, index, &instants, air, diagnostics)
         }
     }
 }
@@ -181,7 +183,7 @@ fn at_instants(
     scene: &Scene,
     index: usize,
     instants: &[Utc],
-    weather: &Weather,
+    air: &Air,
     diagnostics: &mut Vec<Diagnostic>,
 ) -> Vec<Moment> {
     let collect = &scene.collects[index];
@@ -189,7 +191,8 @@ fn at_instants(
     let mut moments = Vec::new();
     let mut down = Vec::new();
     for utc in instants {
-        match sun_at(site, *utc, weather.pressure, weather.temperature) {
+        let (pressure, temperature) = air.at_site(*utc);
+        match sun_at(site, *utc, pressure, temperature) {
             Ok(position) => {
                 let mut sun = position.sun();
                 sun.apparent = position.apparent;

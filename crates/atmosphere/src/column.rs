@@ -1,6 +1,22 @@
 //! The state of the air over the site, and the sun.
 
+use std::sync::Arc;
+
 use sunglint_radiometry::WorldDir;
+
+use crate::AtmosphereError;
+use crate::profile::{NAMES, Profile};
+
+/// A layer of cloud.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cloud {
+    /// Optical depth at 550 nm, vertically.
+    pub optical_depth: f64,
+    /// Height of its base above the site's elevation \[m\].
+    pub base: f64,
+    /// Height of its top above the site's elevation \[m\].
+    pub top: f64,
+}
 
 /// The column that a provider solves: what the weather block says, and for the rest the named profile at the site's
 /// elevation. `None` means that the scene says nothing and the provider takes the profile's value.
@@ -8,6 +24,10 @@ use sunglint_radiometry::WorldDir;
 pub struct Column {
     /// Named profile: `us_standard`, `tropical`, `midlatitude_summer`, …
     pub profile: String,
+    /// Levels of a radiosonde grafted onto that profile, which they replace.
+    pub sounding: Option<Arc<Profile>>,
+    /// Layers of cloud, lowest first.
+    pub clouds: Vec<Cloud>,
     /// Elevation of z = 0 above sea level \[m\].
     pub elevation: f64,
     /// Surface pressure \[hPa\].
@@ -28,6 +48,27 @@ pub struct Column {
     pub aod: Option<f64>,
     /// Albedo A of the ground that the atmosphere sees, one value per grid entry; 0 where `adjacency off`.
     pub ground_albedo: Vec<f64>,
+}
+
+impl Column {
+    /// The levels of the air: the radiosonde's, or those of the named profile.
+    ///
+    /// # Errors
+    /// `A01` where no profile has that name.
+    pub fn levels(&self) -> Result<&Profile, AtmosphereError> {
+        match &self.sounding {
+            Some(sounding) => Ok(sounding),
+            None => named(&self.profile),
+        }
+    }
+}
+
+/// The named profile.
+pub(crate) fn named(name: &str) -> Result<&'static Profile, AtmosphereError> {
+    Profile::named(name).ok_or_else(|| AtmosphereError {
+        code: "A01",
+        message: format!("no profile is named `{name}`; there are {}", NAMES.join(", ")),
+    })
 }
 
 /// Where the sun is.

@@ -5,19 +5,23 @@ mod coverage;
 mod embedded;
 mod haze;
 mod interpolation;
+mod measured;
 mod none;
 mod profile;
 mod quadrature;
 mod sightline;
 mod sky;
 mod sky_shape;
+mod sounding;
 mod spectrl2;
 mod sun;
 mod table;
 mod vertical;
 
-pub use column::{Column, Sun};
+pub use column::{Cloud, Column, Sun};
+pub use profile::{Level, Profile};
 pub use sky::{Needs, Path, SkyState};
+pub use sounding::{Grafted, Moisture, SoundingLevel, graft};
 pub use spectrl2::{Spectrl2Aerosol, Spectrl2Inputs, Spectrl2Point, relative_air_mass, spectrl2_at_table};
 pub use sun::{Daylight, Place, SunError, SunEvents, SunPosition, sun_position, sunrise_sunset};
 
@@ -25,7 +29,7 @@ use sunglint_plugin::Model;
 use sunglint_radiometry::{Bin, SpectralGrid};
 
 /// The atmospheres this build knows.
-pub const BUILTIN: &[Model<dyn Atmosphere>] = &[none::MODEL, table::MODEL, spectrl2::MODEL];
+pub const BUILTIN: &[Model<dyn Atmosphere>] = &[none::MODEL, table::MODEL, spectrl2::MODEL, measured::MODEL];
 
 /// Why a provider gives no answer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -55,6 +59,11 @@ pub trait Atmosphere: Send + Sync {
 
     /// Whether `sky_weights` depends on direction, so that an algorithm may ask for a directional sky.
     fn has_directional_sky(&self) -> bool;
+
+    /// Lines for the plan and the manifest: what the provider estimates, how well, and what it approximates.
+    fn report(&self) -> Vec<String> {
+        Vec::new()
+    }
 
     /// Solves one column for many suns at once, since most of the work does not depend on the sun; the answers are in
     /// the order of `suns`. A provider computes no more than `needs` says.

@@ -66,7 +66,8 @@ struct Bare {
     overcast: bool,
 }
 
-static HSRS: LazyLock<Curve> = LazyLock::new(|| {
+/// E₀ at 1 au.
+pub(crate) static HSRS: LazyLock<Curve> = LazyLock::new(|| {
     let rows = embedded::rows(include_str!("../data/etr_tsis1_hsrs_v2_1nm.csv"));
     let mut edges: Vec<f64> = rows.iter().map(|row| 1e-3 * (row[0] - 0.5)).collect();
     edges.extend(rows.last().map(|row| 1e-3 * (row[0] + 0.5)));

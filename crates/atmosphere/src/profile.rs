@@ -5,26 +5,27 @@ use std::sync::LazyLock;
 use crate::embedded;
 use crate::vertical::Vertical;
 
-/// One model atmosphere of AFGL-TR-86-0110.
-#[derive(Clone, Debug)]
-pub(crate) struct Profile {
+/// Air at levels of altitude: a model atmosphere of AFGL-TR-86-0110, or a radiosonde's ascent grafted onto one.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Profile {
     levels: Vec<Level>,
 }
 
-#[derive(Clone, Copy, Debug)]
-struct Level {
-    /// Altitude \[km\].
-    z: f64,
+/// One level of a [`Profile`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// Altitude above sea level \[km\].
+    pub z: f64,
     /// Pressure \[hPa\].
-    p: f64,
+    pub p: f64,
     /// Temperature \[K\].
-    t: f64,
+    pub t: f64,
     /// Air \[molecules cm⁻³\].
-    n: f64,
+    pub n: f64,
     /// Volume mixing ratio of water \[ppmv\].
-    h2o: f64,
+    pub h2o: f64,
     /// Volume mixing ratio of ozone \[ppmv\].
-    o3: f64,
+    pub o3: f64,
 }
 
 /// Loschmidt's number \[cm⁻³ atm⁻¹\] at 273.15 K.
@@ -58,6 +59,32 @@ impl Profile {
         NAMES.iter().position(|known| *known == name).map(|i| &PROFILES[i])
     }
 
+    /// From levels whose altitudes ascend, two at least.
+    pub(crate) fn new(levels: Vec<Level>) -> Self {
+        Self { levels }
+    }
+
+    /// The levels, ascending.
+    pub fn levels(&self) -> &[Level] {
+        &self.levels
+    }
+
+    /// Everything at an altitude \[m\]: temperature straight between levels, the rest exponential; beyond the levels the
+    /// mixing ratios of the end.
+    pub(crate) fn at(&self, altitude: f64) -> Level {
+        let (a, b, t) = self.around(altitude);
+        let inside = t.clamp(0.0, 1.0);
+        let power = |a: f64, b: f64, t: f64| if a > 0.0 && b > 0.0 { a * (b / a).powf(t) } else { a + (b - a) * t };
+        Level {
+            z: 1e-3 * altitude,
+            p: power(a.p, b.p, t),
+            t: a.t + (b.t - a.t) * t.min(1.0),
+            n: power(a.n, b.n, t),
+            h2o: power(a.h2o, b.h2o, inside),
+            o3: power(a.o3, b.o3, inside),
+        }
+    }
+
     /// Pressure \[hPa\] at an altitude \[m\], exponential between levels and beyond them.
     pub fn pressure(&self, altitude: f64) -> f64 {
         let (a, b, t) = self.around(altitude);
@@ -78,17 +105,22 @@ impl Profile {
     }
 
     /// Air above an altitude \[m\], and its column \[molecules cm⁻²\].
-    pub fn air(&self, altitude: f64) -> (Vertical, f64) {
+    pub(crate) fn air(&self, altitude: f64) -> (Vertical, f64) {
         self.vertical(altitude, |level| level.n * 100.0)
     }
 
+    /// Precipitable water above an altitude \[m\], ∫ ρ_v dz \[g cm⁻²\].
+    pub fn precipitable_water(&self, altitude: f64) -> f64 {
+        self.water(altitude).1
+    }
+
     /// Water above an altitude \[m\], and its column \[g cm⁻²\].
-    pub fn water(&self, altitude: f64) -> (Vertical, f64) {
+    pub(crate) fn water(&self, altitude: f64) -> (Vertical, f64) {
         self.vertical(altitude, |level| 1e-6 * level.h2o * level.n * 100.0 * WATER_MOLECULE)
     }
 
     /// Ozone above an altitude \[m\], and its column \[atm-cm\].
-    pub fn ozone(&self, altitude: f64) -> (Vertical, f64) {
+    pub(crate) fn ozone(&self, altitude: f64) -> (Vertical, f64) {
         self.vertical(altitude, |level| 1e-6 * level.o3 * level.n * 100.0 / LOSCHMIDT)
     }
 

@@ -8,7 +8,7 @@ use sunglint_radiometry::{Dimension, Irradiance, Radiance, SpectralGrid, Spectru
 
 use crate::haze::{DEFAULT_VISIBILITY, Haze, surface_extinction};
 use crate::interpolation::OntoGrid;
-use crate::profile::{NAMES, Profile, saturation_pressure};
+use crate::profile::saturation_pressure;
 use crate::sightline::{Air, Beam, Optics, Sightline, growth_mixed, growth_water, sightline};
 use crate::sky_shape::{Distribution, SkyShape};
 use crate::{Atmosphere, AtmosphereError, Column, Needs, Path, SkyState, Sun, coverage, embedded};
@@ -48,6 +48,7 @@ State of the air
   water      `water`, else the profile's column above the site; with `humidity` scaled so that the profile has that
              relative humidity over water at the surface, at `temperature` if said [WMO2018].
   ozone      `ozone`, else the profile's.   pressure   `pressure`, else the profile's at the site's elevation.
+             With `radiosonde` its levels are the profile; `observations` count as if said here.
 
 Path to the sensor: an approximation of this program, not part of SPECTRL2. The constituents are spread over height as
 in the profiles; each is a straight exponential between levels, so the slant amount of any path is exact, from a
@@ -337,7 +338,18 @@ impl Atmosphere for Spectrl2 {
     }
 
     fn uses(&self) -> &'static [&'static str] {
-        &["visibility", "aod", "profile", "pressure", "temperature", "humidity", "water", "ozone"]
+        &[
+            "visibility",
+            "aod",
+            "profile",
+            "radiosonde",
+            "observations",
+            "pressure",
+            "temperature",
+            "humidity",
+            "water",
+            "ozone",
+        ]
     }
 
     fn has_directional_sky(&self) -> bool {
@@ -380,10 +392,7 @@ struct Site {
 
 impl Site {
     fn new(column: &Column, aerosol: &Spectrl2Aerosol, onto: OntoGrid) -> Result<Self, AtmosphereError> {
-        let profile = Profile::named(&column.profile).ok_or_else(|| AtmosphereError {
-            code: "A01",
-            message: format!("no profile is named `{}`; there are {}", column.profile, NAMES.join(", ")),
-        })?;
+        let profile = column.levels()?;
         let elevation = column.elevation;
         let pressure = column.pressure.unwrap_or_else(|| profile.pressure(elevation)).max(0.0);
         let (air, _) = profile.air(elevation);
@@ -535,6 +544,7 @@ impl SkyState for Spectrl2Sky {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::profile::Profile;
 
     fn grid() -> SpectralGrid {
         let edges: Vec<f64> = TABLE.iter().map(|row| row.wavelength).filter(|l| (0.4..=1.0).contains(l)).collect();
@@ -544,6 +554,8 @@ mod tests {
     fn column(albedo: f64, grid: &SpectralGrid) -> Column {
         Column {
             profile: "us_standard".to_string(),
+            sounding: None,
+            clouds: Vec::new(),
             elevation: 168.0,
             pressure: None,
             temperature: None,

@@ -399,7 +399,7 @@ impl Table {
 }
 
 /// ∫ hat(θ) cos θ sin θ dθ over 0..π/2 of every zenith angle, the ends held.
-fn zenith_weights(axis: &[f64]) -> Vec<f64> {
+pub(crate) fn zenith_weights(axis: &[f64]) -> Vec<f64> {
     let n = axis.len();
     if n == 1 {
         return vec![0.5];

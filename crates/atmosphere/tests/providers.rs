@@ -32,6 +32,8 @@ fn grid() -> SpectralGrid {
 fn column() -> Column {
     Column {
         profile: "us_standard".to_string(),
+        sounding: None,
+        clouds: Vec::new(),
         elevation: 0.0,
         pressure: None,
         temperature: None,

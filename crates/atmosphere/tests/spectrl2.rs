@@ -83,6 +83,8 @@ fn inputs() -> Spectrl2Inputs {
 fn column(grid: &SpectralGrid) -> Column {
     Column {
         profile: "us_standard".to_string(),
+        sounding: None,
+        clouds: Vec::new(),
         elevation: 0.0,
         pressure: None,
         temperature: None,
@@ -133,6 +135,8 @@ fn no_air_and_no_sun_makes_light_or_nonsense() {
         let albedo = draw.within(0.0, 0.9);
         let air = Column {
             profile: profiles[case % 6].to_string(),
+            sounding: None,
+            clouds: Vec::new(),
             elevation: draw.within(-430.0, 8000.0),
             pressure: draw.maybe(300.0, 1080.0),
             temperature: draw.maybe(220.0, 325.0),

@@ -17,7 +17,6 @@ use crate::{Diagnostic, Severity, Span};
 pub(super) const LATER: &[(Role, &str)] = &[
     (Role::Atmosphere, "layered"),
     (Role::Atmosphere, "layers"),
-    (Role::Atmosphere, "measured"),
     (Role::Algorithm, "full"),
     (Role::Algorithm, "radiosity"),
     (Role::Reflectance, "torrance_sparrow"),
