@@ -387,6 +387,11 @@ fn attributes(run: &Run, t: Option<usize>) -> Vec<(&'static str, String)> {
             attributes.push(("sunglint:sun_azimuth_deg", format!("{:.5}", sun.apparent.azimuth().to_degrees())));
         }
     }
+    attributes
+}
+
+/// Those of an EXR file, which has no fields of its own for a map.
+fn with_map(run: &Run, mut attributes: Vec<(&'static str, String)>) -> Vec<(&'static str, String)> {
     attributes.extend(run.map.iter().flat_map(MapProjection::attributes));
     attributes
 }
@@ -418,9 +423,10 @@ fn numbers(values: impl Iterator<Item = f64>) -> String {
 fn write_frame(run: &Run, folder: &Path, frame: &Frame, t: usize) -> Result<(), RenderError> {
     let folder = folder.join(&frame.label);
     let attributes = attributes(run, Some(t));
+    let mapped = with_map(run, attributes.clone());
     let exr = |name: &str, raster: &Raster<'_>| {
         let path = folder.join(name);
-        write_exr(&path, raster, &attributes).map_err(at(&path))
+        write_exr(&path, raster, &mapped).map_err(at(&path))
     };
     let fields = envi_fields(run, t);
     let envi = |name: &str, what: &str, raster: &Raster<'_>, more: Vec<(&'static str, String)>| {
@@ -493,7 +499,7 @@ fn write_truth(run: &Run, folder: &Path, truth: &[Vec<f32>], samples: &Vec<f32>)
     let mut maps: Vec<(&str, &str, &Vec<f32>)> =
         TRUTH.iter().zip(truth).map(|((name, unit), image)| (*name, *unit, image)).collect();
     maps.push(("samples", "1", samples));
-    let mut attributes = attributes(run, None);
+    let mut attributes = with_map(run, attributes(run, None));
     let objects: Vec<String> = run.objects.iter().map(described).collect();
     attributes.push(("sunglint:objects", objects.join("; ")));
     let materials: Vec<String> = run.materials.iter().map(|(code, name)| format!("{code} {name}")).collect();

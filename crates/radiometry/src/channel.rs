@@ -54,7 +54,7 @@ impl Channels {
                 *weight *= if owned { factor * entry.weight * grid.bin_of(entry).width() } else { 0.0 };
             }
             let total: f64 = weights.iter().sum();
-            if !(total > 0.0) {
+            if total.is_nan() || total <= 0.0 {
                 return Err(band);
             }
             let first = weights.iter().position(|w| *w != 0.0).unwrap_or(0);

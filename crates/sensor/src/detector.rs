@@ -238,7 +238,7 @@ impl Draw {
 
     /// The next Poisson number: by inversion for small means, else by transformed rejection [Hoermann1993, PTRS].
     pub fn poisson(&mut self, mean: f64) -> f64 {
-        if !(mean > 0.0) {
+        if mean.is_nan() || mean <= 0.0 {
             return 0.0;
         }
         if mean < 10.0 {
