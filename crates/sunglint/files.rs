@@ -91,8 +91,9 @@ impl Files {
         let Some(text) = sunglint_reflectance::shipped(name) else {
             let materials: Vec<String> =
                 sunglint_reflectance::shipped_materials().map(|(name, _)| format!("materials/{name}.glint")).collect();
-            let known = sunglint_reflectance::shipped_names().chain(materials.iter().map(String::as_str));
-            let nearest = nearest(name, known);
+            let spectra = sunglint_reflectance::shipped_names().map(str::to_string);
+            let known: Vec<String> = spectra.chain(materials).collect();
+            let nearest = nearest(name, known.iter().map(String::as_str));
             return Err(LoadError {
                 message: format!("no shipped data is called `{name}`"),
                 nearest: nearest.map(|name| format!("sunglint:{name}")),
