@@ -43,6 +43,7 @@ impl Render {
             samples: self.samples,
             experiments: self.experiment.clone(),
             times: Vec::new(),
+            whole_sky: false,
         };
         let plan = plan_of(&self.scene, &options, quiet)?;
         let bar = Bar::new(quiet);
