@@ -97,12 +97,7 @@ impl Atmosphere {
             }
         };
         let first = runs[0]; // a plan has a run
-        let time = match time_of(first, self.at.as_deref()) {
-            Ok(time) => time,
-            // The instant took the place of the scene's times; several collection sets may share it.
-            Err(_) if self.at.as_deref().is_some_and(|at| sunglint::parse_utc(at).is_ok()) => 0,
-            Err(message) => return Err(bad(message)),
-        };
+        let time = time_of(first, self.at.as_deref()).map_err(bad)?;
         let frame = first.moments[time].label.clone();
         let Some(air) = air(&runs, &frame, &directions) else {
             return Err(bad(format!("no sensor takes the frame {frame}")));

@@ -102,7 +102,7 @@ pub fn component_chart(specimen: &Specimen, wavelengths: &[f64]) -> Result<Pictu
                 continue; // the scene states ρ_s itself
             }
             let name = if wavelengths.len() > 1 { format!("{name}, {}", at(*wavelength)) } else { name.to_string() };
-            let colour = if wavelengths.len() > 1 { 7 * k.saturating_sub(1) + i } else { k };
+            let colour = if wavelengths.len() > 1 { 14 * k.saturating_sub(1) + i } else { k };
             series.push(Series::new(name, points, *style).coloured(colour));
         }
     }
