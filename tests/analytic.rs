@@ -15,7 +15,6 @@ use glam::DVec3;
 use pose::{Slack, assert_exact, assert_sampled, beyond_chord, map, pixel, pixels, run, scene, term, text, whole};
 use sunglint::atmosphere::Path as Sightline;
 use sunglint::radiometry::{STUDENT_T_95, WorldDir};
-use sunglint::tracer::tiles;
 use sunglint::{Frames, Options, Plan, Run, explain};
 
 /// Angular radius of the sun's disk at 1 au \[rad\]: 0.2666°, as docs/CONVENTIONS.md has it.
@@ -1137,7 +1136,7 @@ fn frames_do_not_depend_on_threads_or_on_the_order_of_tiles() {
         let (one, two, five) = (on(1), on(2), on(5));
         assert!(bits(&one) == bits(&two) && bits(&one) == bits(&five), "{}", run.experiment);
         assert_eq!((one.rays, one.rays), (two.rays, five.rays));
-        let all = tiles(run.pixels);
+        let all = run.tiles();
         assert!(all.len() == 6);
         for tile in all.iter().rev() {
             let result = run.render_tile(*tile);
