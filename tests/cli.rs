@@ -268,7 +268,7 @@ fn completions_and_help_are_there() {
     for shell in ["bash", "zsh", "fish"] {
         assert!(!sunglint(&["completions", shell]).stdout.is_empty());
     }
-    for command in ["new", "check", "plan", "render", "explain", "sun", "models", "completions"] {
+    for command in ["new", "check", "plan", "render", "explain", "sun", "models", "test", "compare", "completions"] {
         let help = sunglint(&[command, "--help"]);
         assert!(String::from_utf8_lossy(&help.stdout).contains("Example"), "{command}");
     }

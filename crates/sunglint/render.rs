@@ -624,7 +624,7 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "constants": settings_json(&run.constants),
         "sensor": run.sensor,
         "pixels": [run.pixels.0, run.pixels.1],
-        "crop": run.is_crop().then(|| [run.window.x, run.window.y, run.window.width, run.window.height]),
+        "crop": run.is_crop().then_some([run.window.x, run.window.y, run.window.width, run.window.height]),
         "bands_left_out": run.left_out.bands,
         "times_left_out": run.left_out.times,
         "algorithm": run.algorithm_name,

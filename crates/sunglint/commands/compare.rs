@@ -29,18 +29,18 @@ Examples:
   sunglint compare out/split out/phong --tolerance 1%
   sunglint compare mine/radiance.exr theirs.img --scatter scatter.svg --difference difference.png
 
-A and B are images (OpenEXR; ENVI by .img or .hdr), folders of a frame, or whole output folders, whose images are paired
-by their paths; error, truth and lit maps are no images then, and an ENVI file beside an OpenEXR file of its name is left
-aside. Bands are paired by name, else by nearest wavelength, else by order. `error.exr` beside an image, and `truth.exr`
+A and B are images (OpenEXR; ENVI by .img or .hdr), folders of a frame, or whole output folders, whose images are paired \
+by their paths; error, truth and lit maps are no images then, and an ENVI file beside an OpenEXR file of its name is left \
+aside. Bands are paired by name, else by nearest wavelength, else by order. `error.exr` beside an image, and `truth.exr` \
 beside or above it, are found by themselves.
 
-The difference is B - A. The regression is ordinary least squares of B on A. Pixels without a number in A or B are left
-out and counted. Something differs where the RMSE of a band, or of a material within it, exceeds the tolerance times the
+The difference is B - A. The regression is ordinary least squares of B on A. Pixels without a number in A or B are left \
+out and counted. Something differs where the RMSE of a band, or of a material within it, exceeds the tolerance times the \
 mean of |A| there, or where a number or an image is missing on one side.
 
 Exit codes: 0 within the tolerance, or none was given; 1 something differs; 2 bad input or sizes that differ")]
 pub struct Compare {
-    /// What is held against it: an image or a folder
+    /// The reference: an image or a folder
     a: PathBuf,
     /// What is held against A
     b: PathBuf,

@@ -17,13 +17,13 @@ use super::{Failure, Only, Outcome, note, plan_of};
 Example:
   sunglint render examples/truth/truth.glint -o out/truth
 
-Writes DIR/EXPERIMENT/SENSOR/TIME/: radiance.exr, radiance.img/.hdr (ENVI), error.exr, previews; truth.exr once a
+Writes DIR/EXPERIMENT/SENSOR/TIME/: radiance.exr, radiance.img/.hdr (ENVI), error.exr, previews; truth.exr once a \
 sensor; manifest.json. A second render of an unchanged scene does no work; a killed one goes on at its last tile.
 
 Part of it:
   --only experiment=haze --only time=1992-06-18T16:00:00Z --only band=red --only crop=100,80,64x48
-experiment: a name with all runs of its sweep, one run (haze/visibility=5km,…) or some of its settings. time: a frame's
-name, an instant, or the beginning of a name (1992-06-18). crop: pixels of the whole view, as it is after scale. Under
+experiment: a name with all runs of its sweep, one run (haze/visibility=5km,…) or some of its settings. time: a frame's \
+name, an instant, or the beginning of a name (1992-06-18). crop: pixels of the whole view, as it is after scale. Under \
 `samples` no selection changes a pixel's value; under `error` fewer times or bands may need fewer samples.
 A run's folder holds one render: a selection is not written over a render that holds more.")]
 pub struct Render {

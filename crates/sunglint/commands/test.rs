@@ -21,14 +21,14 @@ Examples:
   sunglint test studies --accept        what is rendered now becomes the snapshot
   sunglint test noon.glint --filter phong/roof
 
-A folder is searched for scenes that have a `snapshot` statement of their own; other files, such as libraries that scenes
-include, are skipped. A scene that is named is tested with or without the statement. A scene is rendered at the pixels and
-for the experiments of its statement (64 x 48, all), with each experiment's own accuracy and seed, so that the same program
+A folder is searched for scenes that have a `snapshot` statement of their own; other files, such as libraries that scenes \
+include, are skipped. A scene that is named is tested with or without the statement. A scene is rendered at the pixels and \
+for the experiments of its statement (64 x 48, all), with each experiment's own accuracy and seed, so that the same program \
 gives the same bits.
 
-Snapshots of NAME.glint stand in NAME.snap: EXPERIMENT/SENSOR.exr holds every frame and band, EXPERIMENT/SENSOR.json the
-means in words. A run passes where for every frame and band the RMSE, over the picture and over each material, is at most
-the statement's tolerance (0.1 %) of the mean. For a run that moved, EXPERIMENT/SENSOR.moved.png shows before, after and
+Snapshots of NAME.glint stand in NAME.snap: EXPERIMENT/SENSOR.exr holds every frame and band, EXPERIMENT/SENSOR.json the \
+means in words. A run passes where for every frame and band the RMSE, over the picture and over each material, is at most \
+the statement's tolerance (0.1 %) of the mean. For a run that moved, EXPERIMENT/SENSOR.moved.png shows before, after and \
 difference. --accept writes a scene's new snapshots, all or none, and removes those that no run has any more.
 
 Exit codes: 0 all passed or accepted, 1 something moved or is new, 2 a scene does not run")]
@@ -40,7 +40,7 @@ pub struct Test {
     #[arg(long)]
     accept: bool,
     /// Only runs whose `SCENE EXPERIMENT/SENSOR` contains this
-    #[arg(long, value_name = "NAME", default_value = "")]
+    #[arg(long, value_name = "NAME", default_value = "", hide_default_value = true)]
     filter: String,
     /// As JSON
     #[arg(long)]
