@@ -314,10 +314,7 @@ impl<'a> Checker<'a> {
                     return None;
                 }
                 let own = special.get(&i).map(|(chain, _)| *chain);
-                let place = |wanted: &str| have.iter().position(|name| name == wanted);
-                let Some(chain) = own.map(|own| &chains[own]).or(general.as_ref()) else {
-                    return place("split").or(place("ideal")).or(Some(0));
-                };
+                let Some(chain) = own.map(|own| &chains[own]).or(general.as_ref()) else { return Some(0) };
                 let found = chain.models.iter().find_map(|model| have.iter().position(|name| name == model));
                 if found.is_none() && sound && *whole {
                     lacking.entry(own).or_default().push(i);
