@@ -15,7 +15,7 @@ use crate::cache::TileStore;
 use crate::frames::{Frame, copy_tile, insert_frame};
 use crate::plan::{Plan, Run, Skip};
 use crate::products::{
-    MapProjection, Raster, RasterChannel, Encoding, Stretch, StretchCollector, composite_bands, write_envi, write_exr,
+    Encoding, MapProjection, Raster, RasterChannel, Stretch, StretchCollector, composite_bands, write_envi, write_exr,
     write_png_gray, write_png_rgb, write_whole,
 };
 use crate::scenery::ObjectIds;

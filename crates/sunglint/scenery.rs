@@ -6,8 +6,8 @@ use glam::{DAffine3, DQuat, DVec3};
 use sunglint_dsl::scene::{self, Bands, Facing, Optics, Projection, SensorPose, Shape, Solid};
 use sunglint_dsl::{Diagnostic, Scene, Span};
 use sunglint_geometry::{
-    Facet, FacetError, Ground, Instance, Leaves, MaterialId, Mesh, MeshBuilder, ObjError, ObjKind, ObjSkipped, Pose, Region,
-    Scatter, Up, World, cone_facets, cylinder_facets, scatter, sphere_facets,
+    Facet, FacetError, Ground, Instance, Leaves, MaterialId, Mesh, MeshBuilder, ObjError, ObjKind, ObjSkipped, Pose,
+    Region, Scatter, Up, World, cone_facets, cylinder_facets, scatter, sphere_facets,
 };
 use sunglint_radiometry::WorldDir;
 use sunglint_sensor::{

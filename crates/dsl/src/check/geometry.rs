@@ -387,13 +387,7 @@ impl<'a> Checker<'a> {
         points.first().copied()
     }
 
-    fn positions(
-        &mut self,
-        line: &Line<'a>,
-        item: &'a Item,
-        shared: Option<&Word>,
-        scope: Scope,
-    ) -> Option<Vec<Spot>> {
+    fn positions(&mut self, line: &Line<'a>, item: &'a Item, shared: Option<&Word>, scope: Scope) -> Option<Vec<Spot>> {
         let given = self.resolve(item, &[]);
         let flat: Vec<bool> = match given.value {
             Value::Points { points, .. } => points.iter().map(|point| point.numbers().len() == 2).collect(),

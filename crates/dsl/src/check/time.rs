@@ -220,12 +220,11 @@ impl<'a> Checker<'a> {
                 self.aerosol_block(&line, &name);
             }
         }
-        weather.radiosonde = body.get("radiosonde").and_then(|line| {
-            self.weather_file(&line, "a sounding", |path, text| sounding::read(path, text)).map(Arc::new)
-        });
-        weather.observations = body
-            .get("observations")
-            .and_then(|line| self.weather_file(&line, "a record", |path, text| record::read(path, text)).map(Arc::new));
+        weather.radiosonde = body
+            .get("radiosonde")
+            .and_then(|line| self.weather_file(&line, "a sounding", sounding::read).map(Arc::new));
+        weather.observations =
+            body.get("observations").and_then(|line| self.weather_file(&line, "a record", record::read).map(Arc::new));
         weather.clouds = self.clouds(&body);
         for line in &body.lines {
             if let Some(rule) = WEATHER.iter().find(|rule| rule.key == line.key) {
