@@ -1,9 +1,9 @@
 //! A surface over a grid of heights.
 //!
 //! Between four posts lie two triangles, parted along the diagonal whose ends differ less in height, the shorter of the
-//! two: it does not depend on how the grid is turned, and gives ridges and gullies that run askew their edge. Where the
-//! heights agree it runs from south-west to north-east. A cell that lacks one post keeps the triangle of the other three;
-//! one that lacks more is open, and rays pass.
+//! two, which makes the fatter triangles and does not depend on how the grid is turned. Where both are alike it runs from
+//! south-west to north-east: four heights do not tell a ridge from a gully. A cell that lacks one post keeps the triangle
+//! of the other three; one that lacks more is open, and rays pass.
 
 use crate::{MaterialId, Mesh, Raster};
 use glam::{DVec2, DVec3};

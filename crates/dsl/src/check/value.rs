@@ -107,6 +107,8 @@ pub(super) fn subject(line: &Line) -> String {
         "aod" => "AOD",
         "no2" => "NO2",
         "samples" => "number of samples",
+        "sides" => "number of sides",
+        "map" => "class",
         "pixels" => "number of pixels",
         "look_at" => "look-at point",
         "band" => "band edge",

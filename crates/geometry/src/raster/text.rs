@@ -231,6 +231,7 @@ const HEADER: [&str; 10] =
 
 fn esri(text: &str, kind: RasterKind) -> Result<Raster, RasterError> {
     let mut said: [Option<f64>; HEADER.len()] = [None; HEADER.len()];
+    let mut said_in = [None; HEADER.len()];
     let mut faults = Vec::new();
     let mut body = lines(text).peekable();
     while let Some(&(line, row)) = body.peek() {
@@ -244,6 +245,7 @@ fn esri(text: &str, kind: RasterKind) -> Result<Raster, RasterError> {
             let fault = RasterFault::new(format!("`{}` is no line of the header", shown(word))).at(line, 1);
             return Err(fault.help(format!("known: {}", HEADER.join(", "))).into());
         };
+        said_in[key] = Some(line);
         let column = 1 + row.find(word).unwrap_or(0) + word.len() + 1;
         match (words.next().map(str::parse::<f64>), words.next()) {
             (Some(Ok(value)), None) if value.is_finite() || (key == 9 && value.is_nan()) => {
@@ -256,39 +258,48 @@ fn esri(text: &str, kind: RasterKind) -> Result<Raster, RasterError> {
     }
     let begins = body.peek().map_or(text.lines().count(), |(line, _)| *line);
     let [ncols, nrows, x_corner, x_centre, y_corner, y_centre, cell, dx, dy, hole] = said;
-    let count = |value: Option<f64>, name: &str| match value {
-        Some(value) if value.fract() == 0.0 && (1.0..=1e15).contains(&value) => Ok(value as u64),
-        Some(value) => {
-            Err(RasterFault::new(format!("`{name}` is a whole number from 1 up; {value} is not")).at(begins, 1))
+    // What is wrong in a line stands there, what is missing behind the header.
+    let line_of = |name: &str| HEADER.iter().position(|key| *key == name).and_then(|key| said_in[key]);
+    let mut refuse = |name: &str, message: String| {
+        faults.push(RasterFault::new(message).at(line_of(name).unwrap_or(begins), 1));
+    };
+    for (name, value) in [("ncols", ncols), ("nrows", nrows)] {
+        match value {
+            Some(value) if value.fract() == 0.0 && (1.0..=1e15).contains(&value) => {}
+            Some(value) => refuse(name, format!("`{name}` is a whole number from 1 up; {value} is not")),
+            None if line_of(name).is_some() => {}
+            None => refuse(name, format!("the header lacks `{name}`")),
         }
-        None => Err(RasterFault::new(format!("the header lacks `{name}`")).at(begins, 1)),
-    };
-    let (columns, rows) = (count(ncols, "ncols"), count(nrows, "nrows"));
-    faults.extend([&columns, &rows].into_iter().filter_map(|count| count.as_ref().err().cloned()));
-    let step = |own: Option<f64>, name: &str| match own.or(cell) {
-        Some(step) if step > 0.0 && step <= 1e9 => Ok(step),
-        Some(step) => Err(RasterFault::new(format!("`{name}` is above 0; {step} is not")).at(begins, 1)),
-        None => Err(RasterFault::new(format!("the header lacks `{name}`")).at(begins, 1)),
-    };
-    let steps = (step(dx, "cellsize"), step(dy, "cellsize"));
-    faults.extend(steps.0.as_ref().err().cloned());
+    }
+    let (dx, dy) =
+        (dx.map_or(("cellsize", cell), |dx| ("dx", Some(dx))), dy.map_or(("cellsize", cell), |dy| ("dy", Some(dy))));
+    for (i, (name, step)) in [dx, dy].into_iter().enumerate().filter(|(i, _)| *i == 0 || dx.0 != dy.0) {
+        match step {
+            Some(step) if step > 0.0 && step <= 1e9 => {}
+            Some(step) => refuse(name, format!("`{name}` is above 0; {step} is not")),
+            None if line_of(name).is_some() => {}
+            None => refuse(name, format!("the header lacks `cellsize`{}", if i == 0 { "" } else { " or `dy`" })),
+        }
+    }
     // A cell is named by its corner or by its middle, where the post stands.
-    let low = |corner: Option<f64>, centre: Option<f64>, step: f64, name: &str| match (corner, centre) {
-        (Some(corner), None) => Ok(corner + 0.5 * step),
-        (None, Some(centre)) => Ok(centre),
-        (Some(_), Some(_)) => {
-            Err(RasterFault::new(format!("both `{name}corner` and `{name}center` are said")).at(begins, 1))
+    for (name, corner, centre) in [("xll", x_corner, x_centre), ("yll", y_corner, y_centre)] {
+        match (corner, centre) {
+            (Some(_), Some(_)) => {
+                refuse(&format!("{name}center"), format!("both `{name}corner` and `{name}center` are said"));
+            }
+            (None, None) if ["corner", "center"].iter().any(|end| line_of(&format!("{name}{end}")).is_some()) => {}
+            (None, None) => refuse("", format!("the header lacks `{name}corner` or `{name}center`")),
+            _ => {}
         }
-        (None, None) => {
-            Err(RasterFault::new(format!("the header lacks `{name}corner` or `{name}center`")).at(begins, 1))
-        }
-    };
-    let (Ok(columns), Ok(rows), (Ok(dx), Ok(dy))) = (columns, rows, steps) else {
+    }
+    let low = |corner: Option<f64>, centre: Option<f64>, step: f64| centre.or(corner.map(|corner| corner + 0.5 * step));
+    let (true, Some(columns), Some(rows), Some(dx), Some(dy)) = (faults.is_empty(), ncols, nrows, dx.1, dy.1) else {
         return Err(RasterError::Malformed(faults));
     };
-    let (x, y) = (low(x_corner, x_centre, dx, "xll"), low(y_corner, y_centre, dy, "yll"));
-    faults.extend([&x, &y].into_iter().filter_map(|low| low.as_ref().err().cloned()));
-    let (true, Ok(x), Ok(y)) = (faults.is_empty(), x, y) else { return Err(RasterError::Malformed(faults)) };
+    let (Some(x), Some(y)) = (low(x_corner, x_centre, dx), low(y_corner, y_centre, dy)) else {
+        return Err(RasterError::Malformed(faults));
+    };
+    let (columns, rows) = (columns as u64, rows as u64);
     fits(columns, rows)?;
 
     // A row a line, or values that flow on over lines of any length.

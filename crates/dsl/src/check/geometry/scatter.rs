@@ -78,8 +78,8 @@ impl<'a> Checker<'a> {
     fn members_at_most(&mut self, line: &Line<'a>) -> Option<u64> {
         let count = self.count(line, 1, u64::MAX)?;
         if count > MOST_PLACED {
-            let bytes = count.saturating_mul(size_of::<Pose>() as u64) as f64 / 1e9;
-            let fault = Diagnostic::error("G05", line.span(), format!("{count} members need {bytes:.0} GB"));
+            let bytes = count.saturating_mul(500) as f64 / 1e9;
+            let fault = Diagnostic::error("G05", line.span(), format!("{count} members need about {bytes:.0} GB"));
             self.report(fault.label(format!("at most {MOST_PLACED} members")));
             return None;
         }
