@@ -350,12 +350,13 @@ fn series_stretches(collectors: &[StretchCollector]) -> Vec<Stretch> {
 }
 
 fn raster<'a>(run: &Run, images: &'a [Vec<f32>], unit: &'a str) -> Raster<'a> {
+    let to_picometre = |nm: f64| (nm * 1e3).round() / 1e3;
     let channels = (run.channels.channels().iter().zip(images))
         .map(|(channel, data)| RasterChannel {
             name: channel.name.clone(),
             unit,
-            centre_nm: Some(channel.centre.nm()),
-            fwhm_nm: Some(channel.fwhm * 1e3),
+            centre_nm: Some(to_picometre(channel.centre.nm())),
+            fwhm_nm: Some(to_picometre(channel.fwhm * 1e3)),
             data,
         })
         .collect();

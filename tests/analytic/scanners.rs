@@ -31,7 +31,7 @@ fn a_lambert_plane_is_uniform_under_a_moving_scanner() {
     ] {
         let plan = text(&format!(
             "{BARE} material grey {{ ideal {{ diffuse 0.35 }} }}\nground grey
-            sensor s {{ {looking}, position (100 50 800) m, speed 70 m/s, line_rate 20 Hz, field_of_view 40 deg,
+            sensor eye {{ {looking}, position (100 50 800) m, speed 70 m/s, line_rate 20 Hz, field_of_view 40 deg,
                         pixels 40 x 70, band b 500..600 nm }}"
         ));
         let frames = plan.runs()[0].render();
@@ -76,7 +76,7 @@ fn an_edge_on_the_ground_lies_between_its_lines() {
         "{BARE} material dark {{ ideal {{ diffuse 0.1 }} }}\nmaterial light {{ ideal {{ diffuse 0.6 }} }}
         facet dark (-99 -99 0) (99 -99 0) (99 50.25 0) (-99 50.25 0) m
         facet light (-99 50.25 0) (99 50.25 0) (99 150 0) (-99 150 0) m
-        sensor s {{ projection pushbroom, position (0 0 500) m, speed 50 m/s, line_rate 100 Hz, field_of_view 10 deg,
+        sensor eye {{ projection pushbroom, position (0 0 500) m, speed 50 m/s, line_rate 100 Hz, field_of_view 10 deg,
                     pixels 8 x 200, band b 500..600 nm }}"
     ));
     let frames = plan.runs()[0].render();
@@ -95,7 +95,7 @@ fn an_edge_on_the_ground_lies_between_its_lines() {
 fn a_whiskbroom_sees_equal_angles() {
     let plan = text(&format!(
         "{BARE} material grey {{ ideal {{ diffuse 0.35 }} }}\nground grey
-        sensor s {{ projection whiskbroom, heading 180 deg, position (0 0 3000) m, speed 60 m/s, line_rate 8 Hz,
+        sensor eye {{ projection whiskbroom, heading 180 deg, position (0 0 3000) m, speed 60 m/s, line_rate 8 Hz,
                     ifov 20 mrad, pixels 60 x 9, band b 500..600 nm }}"
     ));
     let frames = plan.runs()[0].render();
@@ -115,7 +115,7 @@ fn a_coarser_scan_keeps_its_swath_and_its_way() {
     let path = folder.path().join("posed.glint");
     let said = format!(
         "glint 1\n{BARE} material grey {{ ideal {{ diffuse 0.35 }} }}\nground grey
-        sensor s {{ projection pushbroom, position (0 0 900) m, speed 50 m/s, line_rate 25 Hz, ifov 2 mrad,
+        sensor eye {{ projection pushbroom, position (0 0 900) m, speed 50 m/s, line_rate 25 Hz, ifov 2 mrad,
                     pixels 64 x 48, band b 500..600 nm }}"
     );
     std::fs::write(&path, said).expect("the scene is written");
@@ -142,7 +142,7 @@ fn counted(noise: &str, more: &str) -> Plan {
         "collect {{ sun zenith 30 deg azimuth 180 deg }}
         atmosphere none {{ solar_irradiance 1850 W/m2/um }}
         material grey {{ ideal {{ diffuse 0.35 }} }}\nground grey
-        sensor s {{
+        sensor eye {{
           projection orthographic, position (0 0 10) m, swath 10 m, pixels 64 x 64, band b 510..590 nm
           ccd {{
             quantum_efficiency [500 nm 0.2, 600 nm 0.8], f_number 4, exposure 2 ms, pitch 9.9 um, full_well 60000 e-
@@ -201,7 +201,7 @@ fn the_reflectance_factor_of_the_level_is_its_reflectance() {
             "collect {{ sun zenith 30 deg azimuth 180 deg }}
             atmosphere none {{ solar_irradiance 1850 W/m2/um, sky_radiance {sky} W/m2/sr/um }}
             material grey {{ ideal {{ diffuse 0.35 }} }}\n{ground}
-            sensor s {{ projection orthographic, position (0 0 10) m, swath 1 m, pixels 4 x 4, band b 500..600 nm }}
+            sensor eye {{ projection orthographic, position (0 0 10) m, swath 1 m, pixels 4 x 4, band b 500..600 nm }}
             experiment e {{ samples 16, products [radiance, reflectance_factor] }}"
         ))
     };

@@ -109,10 +109,9 @@ def overhead(out):
         folder = run / name / TIME
         meta = image(folder, "radiance", RADIANCE, numpy.float32)
         pixel, middle = (0.5, 0.5), MIDDLE
-        if name in ("frame", "scan"):
+        if name == "frame":
             pixel = (2 * HEIGHT * math.tan(math.radians(1.5)) / 96,) * 2
         if name == "scan":  # flies to 120 deg, so that its top is behind; the first line is centred on its position
-            pixel = (pixel[0], 0.5)
             middle = corner(120.0, *MIDDLE, 0.0, 0.5 * (64 / 2 - 0.5))
         info = map_of(folder / "radiance.img", (96, 64), pixel, top, middle)
         crs = info["coordinateSystem"]["wkt"]
@@ -147,6 +146,15 @@ def overhead(out):
         image(folder, "reflectance_factor", "1", numpy.float32)
         _, factor = exr(folder / "reflectance_factor.exr")
         hold("grass in green", 0.06 < numpy.median(factor["green"]) < 0.12, numpy.median(factor["green"]))
+
+    # Turned and not square: readers differ in what `rotation` means, so only the EXR says where it lies.
+    folder = run / "stretched" / TIME
+    image(folder, "radiance", RADIANCE, numpy.float32)
+    hold("no map info of a turned oblong", "\nmap info" not in (folder / "radiance.hdr").read_text())
+    header, _ = exr(folder / "radiance.exr")
+    transform = [float(value) for value in header["sunglint:geotransform"].split(", ")]
+    pixel = math.hypot(transform[1], transform[4]), math.hypot(transform[2], transform[5])
+    hold("its pixels", numpy.allclose(pixel, (0.5, 0.625), rtol=1e-9), pixel)
 
     folder = run / "oblique" / TIME
     image(folder, "radiance", RADIANCE, numpy.float32)

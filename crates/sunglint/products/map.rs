@@ -98,8 +98,14 @@ impl MapProjection {
         format!("{{{name}, 1, 1, {e}, {n}, {width}, {height}, {place}units=Meters{rotation}}}")
     }
 
-    /// As fields of an ENVI header.
+    /// As fields of an ENVI header. None where pixels are not square and the image is turned: readers differ in what a
+    /// `rotation` then means (GDAL turns before it scales).
     pub fn envi_fields(&self) -> Vec<(&'static str, String)> {
+        let (width, height) = self.pixel_size();
+        let turned = f64::to_radians(self.rotation_deg()).sin().abs() > 1e-12;
+        if turned && (width / height - 1.0).abs() > 1e-9 {
+            return Vec::new();
+        }
         let mut fields = vec![("map info", self.envi_map_info())];
         fields.extend(self.wkt.iter().map(|wkt| ("coordinate system string", format!("{{{wkt}}}"))));
         fields
@@ -172,6 +178,10 @@ mod tests {
         let wkt = map.wkt.unwrap();
         assert!(wkt.contains("PARAMETER[\"Latitude_Of_Origin\",42.9718") && wkt.contains("\"Scale_Factor\",1.0]"));
         let plain = MapProjection::new(&ground, None, None);
+        let oblong =
+            |across: DVec2, down| MapProjection::new(&GroundMap { corner: DVec2::ZERO, across, down }, None, None);
+        assert_eq!(oblong(DVec2::X, -2.0 * DVec2::Y).envi_fields().len(), 1);
+        assert!(oblong(DVec2::new(0.6, 0.8), DVec2::new(1.6, -1.2)).envi_fields().is_empty());
         assert_eq!(
             (plain.wkt.as_ref(), plain.envi_map_info().as_str()),
             (None, "{Arbitrary, 1, 1, 0, 1, 1, 1, units=Meters}")
