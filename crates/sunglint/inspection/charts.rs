@@ -21,11 +21,11 @@ pub fn air_chart(air: &Air) -> Picture {
         series.push(Series::new(name, gapped(line(&times_pi(&s.path[i].1))), Style::Dashed).coloured(1 + i));
     }
     let sun = match air.sun {
-        Some(sun) => format!("sun at apparent zenith {:.1}°", sun.zenith().to_degrees()),
+        Some(sun) => format!("sun {:.1}° from the zenith", sun.zenith().to_degrees()),
         None => "no sun".to_string(),
     };
     Plot {
-        title: format!("Light of {} at {}: atmosphere {}, {sun}", air.experiment, air.frame, air.atmosphere),
+        title: format!("{}, {}, atmosphere {}, {sun}", air.experiment, air.frame, air.atmosphere),
         x: wavelength_axis(),
         y: Axis::new("irradiance on the level", "W m⁻² µm⁻¹"),
         series,
@@ -98,8 +98,9 @@ pub fn component_chart(specimen: &Specimen, wavelengths: &[f64]) -> Result<Pictu
         for (k, (name, of, style)) in curves.iter().enumerate() {
             let points: Vec<(f64, f64)> = angles.iter().map(|a| (*a, of(a.to_radians())[i])).collect();
             let same = |j: usize| angles.iter().zip(&points).all(|(a, p)| curves[j].1(a.to_radians())[i] == p.1);
-            if k == 2 && same(1) {
-                continue; // the scene states ρ_s itself
+            let absent = k > 0 && points.iter().all(|p| p.1 == 0.0);
+            if absent || (k == 2 && same(1)) {
+                continue; // no such lobe, or one that the scene states as ρ_s
             }
             let name = if wavelengths.len() > 1 { format!("{name}, {}", at(*wavelength)) } else { name.to_string() };
             let colour = if wavelengths.len() > 1 { 14 * k.saturating_sub(1) + i } else { k };
@@ -144,7 +145,7 @@ pub fn brdf_chart(specimen: &Specimen, wavelength: f64, incident: &[f64]) -> Res
         .collect();
     let mirror = if surface.has_mirror() { ", without its mirror lobe" } else { "" };
     Ok(Polar {
-        title: format!("{} in the principal plane, {}{mirror}", titled("BRDF", specimen), at(wavelength)),
+        title: format!("{}, principal plane, {}{mirror}", titled("BRDF", specimen), at(wavelength)),
         radius: Axis::new("BRDF f", "sr⁻¹"),
         sides: ("← backward, φ = 0°".into(), "forward, φ = 180° →".into()),
         series,
@@ -218,6 +219,9 @@ pub fn albedo_chart(specimen: &Specimen, wavelengths: &[f64]) -> Result<Picture,
     .picture())
 }
 
+/// View angle \[deg\] beside 0 at which spectra are shown.
+const OBLIQUE: f64 = 60.0;
+
 /// Total reflectance, R_d and ρ_s against wavelength at view angles of 0° and 60°.
 ///
 /// # Errors
@@ -228,13 +232,21 @@ pub fn spectrum_chart(specimen: &Specimen) -> Result<Picture, InspectionError> {
     let line = |values: Vec<f64>| wavelengths.iter().copied().zip(values).collect::<Vec<_>>();
     let style = if wavelengths.len() < 12 { Style::Marked } else { Style::Line };
     let mut series = vec![Series::new("ρ(0°; 2π), all", line(surface.albedo(0.0)), style).coloured(6)];
-    for (i, degrees) in [0.0f64, 60.0].into_iter().enumerate() {
-        let theta = degrees.to_radians();
-        series.push(Series::new(format!("R_{{d}}({degrees}°)"), line(surface.diffuse(theta)), style).coloured(2 * i));
-        let dashed = if style == Style::Marked { style } else { Style::Dashed };
-        series.push(
-            Series::new(format!("ρ_{{s}}({degrees}°)"), line(surface.specular(theta)), dashed).coloured(2 * i + 1),
-        );
+    let dashed = if style == Style::Marked { style } else { Style::Dashed };
+    let components = [
+        ("R_{d}", surface.diffuse(0.0), surface.diffuse(OBLIQUE.to_radians()), style),
+        ("ρ_{s}", surface.specular(0.0), surface.specular(OBLIQUE.to_radians()), dashed),
+    ];
+    for (k, (name, normal, oblique, style)) in components.into_iter().enumerate() {
+        if normal.iter().chain(&oblique).all(|value| *value == 0.0) {
+            continue; // no such lobe
+        }
+        if normal == oblique {
+            series.push(Series::new(format!("{name}, any angle"), line(normal), style).coloured(k));
+            continue;
+        }
+        series.push(Series::new(format!("{name}(0°)"), line(normal), style).coloured(k));
+        series.push(Series::new(format!("{name}({OBLIQUE}°)"), line(oblique), style).coloured(k + 2));
     }
     Ok(Plot {
         title: titled("Reflectance spectra", specimen),

@@ -72,7 +72,12 @@ impl Axis {
             let reach = if low == 0.0 { 1.0 } else { 0.1 * low.abs() };
             (low, high) = (low - reach, high + reach);
         }
-        let step = round_step((high - low) / wanted as f64);
+        let step = match (high - low) / wanted as f64 {
+            step if self.unit == "°" && (1.0..=90.0).contains(&step) => {
+                DEGREES.into_iter().find(|d| step <= *d).unwrap_or(90.0)
+            }
+            step => round_step(step),
+        };
         if given.is_none() {
             // A data range that begins near zero begins at zero.
             if low > 0.0 && low < 0.25 * high {
@@ -154,6 +159,9 @@ fn logarithmic(low: f64, high: f64, given: bool) -> Fitted {
     Fitted { low, high, log: true, ticks, power: 0 }
 }
 
+/// Steps of angles.
+const DEGREES: [f64; 9] = [1.0, 2.0, 5.0, 10.0, 15.0, 30.0, 45.0, 60.0, 90.0];
+
 /// The next of 1, 2, 2.5, 5 times a power of ten.
 fn round_step(step: f64) -> f64 {
     let power = 10f64.powf(step.log10().floor());
@@ -196,6 +204,15 @@ mod tests {
         assert_eq!(written(&axis, &[0.0, 1240.0]), ["0", "250", "500", "750", "1000", "1250"]);
         assert_eq!(written(&Axis::new("λ", "µm").within(0.4, 1.0), &[]), ["0.4", "0.6", "0.8", "1.0"]);
         assert_eq!(written(&axis, &[0.0, 1.1]), ["0.00", "0.25", "0.50", "0.75", "1.00"]);
+    }
+
+    #[test]
+    fn angles_are_told_in_parts_of_the_right_one() {
+        let fitted = Axis::new("θ", "°").within(0.0, 90.0).fit([].into_iter(), 9);
+        assert_eq!(
+            fitted.ticks.iter().map(|tick| tick.0).collect::<Vec<_>>(),
+            [0.0, 15.0, 30.0, 45.0, 60.0, 75.0, 90.0]
+        );
     }
 
     #[test]

@@ -53,7 +53,7 @@ impl Plot {
             let both = || drawn().flat_map(|(x, y)| [*x, *y]);
             (self.x.fit(both(), 5), self.y.fit(both(), 5))
         } else {
-            (self.x.fit(drawn().map(|p| p.0), 7), self.y.fit(drawn().map(|p| p.1), 5))
+            (self.x.fit(drawn().map(|p| p.0), 9), self.y.fit(drawn().map(|p| p.1), 5))
         };
         let numbers = y.ticks.iter().map(|(_, text)| typeface::width(text, TICK)).fold(0.0, f64::max);
         let left = 12.0 + CAPTION + 10.0 + numbers + 8.0;

@@ -69,7 +69,7 @@ impl Dome<'_> {
     /// Evaluates the field on the pixels of the disk and lays the picture out.
     pub fn picture(&self) -> Picture {
         let (pixels, fitted) = self.pixels();
-        let side = 34.0;
+        let side = 42.0;
         let bar = bar_width(&self.value, &fitted);
         let width = 2.0 * (RADIUS + side) + bar;
         let lines = typeface::lines(&self.note, TICK, width);
@@ -107,7 +107,12 @@ impl Dome<'_> {
                 true => ["N", "NE", "E", "SE", "S", "SW", "W", "NW"][i as usize].to_string(),
                 false => format!("{}°", 45 * i),
             };
-            picture.text((x + 19.0 * dx, y + 15.0 * dy + 0.36 * TICK), &text, TICK, Anchor::Middle);
+            picture.text(
+                (x + (10.0 + 0.5 * typeface::width(&text, TICK)) * dx, y + 15.0 * dy + 0.36 * TICK),
+                &text,
+                TICK,
+                Anchor::Middle,
+            );
         }
         for zenith in [30.0f64, 60.0] {
             let (x, y) = at(zenith.to_radians(), 22.5f64.to_radians());
