@@ -184,11 +184,11 @@ pub(crate) fn insert_frame(run: &Run, frame: &mut Frame, t: usize, tile: Tile, r
         if let Some(surface) = frame.surface.get_mut(c) {
             copy_tile(tile, &result.surface, at, surface, window);
         }
-        if let Some(factor) = frame.reflectance_factor.get_mut(c) {
+        if let (Some(factor), Some(level)) = (frame.reflectance_factor.get_mut(c), level.get(c)) {
             let mut values = layer(&result.surface, at);
             for (value, code) in values.iter_mut().zip(&result.truth) {
-                let lit = *code != 0.0 && level[c] > 0.0;
-                let ratio = std::f64::consts::PI * f64::from(*value) / level[c];
+                let lit = *code != 0.0 && *level > 0.0;
+                let ratio = std::f64::consts::PI * f64::from(*value) / level;
                 *value = if lit { ratio as f32 } else { f32::NAN };
             }
             copy_tile(tile, &values, 0, factor, window);
