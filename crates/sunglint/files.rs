@@ -136,6 +136,10 @@ impl Loader for Given {
     fn list(&mut self, path: &str, from: &str) -> Result<Vec<String>, LoadError> {
         self.files.list(path, from)
     }
+
+    fn done(&mut self, path: &str, from: &str) {
+        self.files.done(path, from);
+    }
 }
 
 fn nearest_in_folder(path: &Path) -> Option<String> {
