@@ -50,7 +50,7 @@ fn ordinary() -> String {
     for i in 0..ROWS / 10 {
         write!(
             text,
-            "material paint_{i} {{ # from the catalogue\n  title \"paint {i}\"\n  reflectance [400 nm 0.06, 560 nm 0.10, 700 nm \
+            "material paint_{i} {{ # from the catalogue\n  title \"paint {i}\"\n  reflectance [400 nm 0.06, 560 nm 0.10, 1000 nm \
              0.{:03}]\n  ideal\n  split {{ category mostly_diffuse, solid_angle 5 msr }}\n}}\npanel paint_{i} size (1.2 1.2) m at \
              ({i} 2 0.75) m heading {} deg facing roof\n",
             100 + i % 800,
