@@ -128,7 +128,7 @@ pub fn brdf_chart(specimen: &Specimen, wavelength: f64, incident: &[f64]) -> Res
         .map(|theta| {
             let degrees = theta.to_degrees();
             // Narrow lobes are sampled at their peak and close about it.
-            let close = (-40..=40).map(|i| f64::from(i)).map(|i| i.signum() * (i / 40.0).powi(2) * 8.0 + degrees);
+            let close = (-40..=40).map(f64::from).map(|i: f64| i.signum() * (i / 40.0).powi(2) * 8.0 + degrees);
             let mut angles: Vec<f64> = (-178..=178).map(|i| 0.5 * f64::from(i)).chain(close).collect();
             angles.retain(|angle| angle.abs() <= 89.0);
             angles.sort_by(f64::total_cmp);
