@@ -340,7 +340,7 @@ fn svg_texts(svg: &str) -> Vec<String> {
             continue;
         }
         let name: String = tag.chars().take_while(|c| c.is_alphabetic()).collect();
-        assert!(!name.is_empty() && tag.matches('"').count() % 2 == 0, "<{tag}>");
+        assert!(!name.is_empty() && tag.matches('"').count().is_multiple_of(2), "<{tag}>");
         for attribute in tag.split("=\"").skip(1).map(|a| a.split('"').nth(1).unwrap_or("")) {
             assert!(attribute.is_empty() || attribute.starts_with([' ', '/']), "<{tag}>");
         }
