@@ -234,3 +234,22 @@ fn completions_and_help_are_there() {
         assert!(String::from_utf8_lossy(&help.stdout).contains("Example"), "{command}");
     }
 }
+
+/// A scene whose only finding is a warning passes, unless that warning, or any, is denied: then nothing is written.
+#[test]
+fn denied_warnings_end_a_command_with_2() {
+    let night = "tests/bad/t03_forgotten_zone.glint";
+    let code = |args: &[&str]| sunglint(args).status.code();
+    assert_eq!(code(&["check", night]), Some(0));
+    assert_eq!(code(&["check", night, "--deny", "G01"]), Some(0));
+    assert_eq!(code(&["check", night, "--deny", "G01", "--deny", "t03"]), Some(2));
+    assert_eq!(code(&["check", MINIMAL, night, "--deny", "warnings"]), Some(2));
+    assert_eq!(code(&["check", MINIMAL, MINIMAL, "--deny", "warnings"]), Some(0));
+    assert_eq!(code(&["plan", night, "--deny", "warnings"]), Some(2));
+    assert_eq!(code(&["check", night, "--deny", "T99"]), Some(2));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("out");
+    let refused = sunglint(&["render", night, "-o", text(&out), "--deny", "T03"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(stderr(&refused).contains("error[T03]") && !out.exists(), "{}", stderr(&refused));
+}

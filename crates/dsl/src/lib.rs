@@ -12,7 +12,7 @@ mod source;
 pub mod table;
 
 pub use check::check;
-pub use diagnostic::{Diagnostic, Severity};
+pub use diagnostic::{CODES, Diagnostic, Severity};
 pub use loader::{LoadError, Loaded, Loader};
 pub use nearest::nearest;
 pub use parse::{MAX_DEPTH, VERSION, parse};

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use sunglint::tracer::Accuracy;
 use sunglint::{Options, Plan, Run, moments_json, skips_json};
 
-use super::{Outcome, plan_of, print, print_json};
+use super::{Deny, Outcome, plan_of, print, print_json};
 
 /// What a render will compute, what it skips, and why
 #[derive(Args)]
@@ -19,11 +19,13 @@ pub struct PlanScene {
     /// As JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    deny: Deny,
 }
 
 impl PlanScene {
     pub fn run(&self, quiet: bool) -> Outcome {
-        let plan = plan_of(&self.scene, &Options::default(), quiet)?;
+        let plan = plan_of(&self.scene, &Options::default(), &self.deny, quiet)?;
         if self.json {
             print_json(&to_json(&plan))
         } else {

@@ -9,7 +9,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sunglint::{Options, Progress, Rendered, Run};
 
-use super::{Failure, Outcome, note, parse_pixels, plan_of};
+use super::{Deny, Failure, Outcome, note, parse_pixels, plan_of};
 
 /// Render a scene's frames
 #[derive(Args)]
@@ -34,6 +34,8 @@ pub struct Render {
     /// Samples a pixel in place of the experiments' accuracy
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
     samples: Option<u32>,
+    #[command(flatten)]
+    deny: Deny,
 }
 
 impl Render {
@@ -44,7 +46,7 @@ impl Render {
             experiments: self.experiment.clone(),
             times: Vec::new(),
         };
-        let plan = plan_of(&self.scene, &options, quiet)?;
+        let plan = plan_of(&self.scene, &options, &self.deny, quiet)?;
         let bar = Bar::new(quiet);
         match sunglint::render(&plan, &self.out, &bar) {
             Ok(_) => Ok(ExitCode::SUCCESS),
