@@ -170,7 +170,10 @@ fn encloses(world: &World, point: DVec3) -> Option<String> {
         }
         object.get_or_insert(hit.instance);
     }
-    world.instances().iter().find(|i| Some(i.id) == object).map(|i| i.name.clone())
+    match object? {
+        scenery::SCENE_OBJECT => Some("a closed body of the scene".to_string()),
+        placed => world.instances().iter().find(|i| i.id == placed).map(|i| format!("`{}`", i.name)),
+    }
 }
 
 fn has_error(diagnostics: &[Diagnostic]) -> bool {
@@ -258,7 +261,7 @@ impl Planner<'_> {
             );
         } else if let Some(object) = encloses(world, camera.position()) {
             self.diagnostics.push(
-                Diagnostic::warning("V02", sensor.span, format!("sensor `{}` stands inside `{object}`", sensor.name))
+                Diagnostic::warning("V02", sensor.span, format!("sensor `{}` stands inside {object}", sensor.name))
                     .label("it sees the backs of facets all round")
                     .help("move the sensor, or the object"),
             );
