@@ -330,7 +330,7 @@ fn a_study_renders_a_folder_for_each_run() {
         assert!(output.status.success(), "{}", stderr(&output));
         out
     };
-    let all = render("all", &["--experiment", "haze"]);
+    let all = render("all", &["--only", "experiment=haze"]);
     let names = [
         "reflectance=ideal,tone=0.1",
         "reflectance=ideal,tone=0.2",
@@ -339,19 +339,19 @@ fn a_study_renders_a_folder_for_each_run() {
     ];
     assert_eq!(runs_below(&all, "haze"), names);
     assert!(!all.join("plain").exists());
-    let some = render("some", &["--experiment", "haze/tone=0.1"]);
+    let some = render("some", &["--only", "experiment=haze/tone=0.1"]);
     assert_eq!(runs_below(&some, "haze"), [names[0], names[2]]);
-    let one = render("one", &["--experiment", "haze/reflectance=phong,tone=0.2", "--experiment", "plain"]);
+    let one = render("one", &["--only", "experiment=haze/reflectance=phong,tone=0.2", "--only", "experiment=plain"]);
     assert_eq!((runs_below(&one, "haze"), one.join("plain").is_dir()), (vec![names[3].to_string()], true));
     let told = manifest(&one, "haze/reflectance=phong,tone=0.2");
     assert_eq!(
         (told["sweep"]["reflectance"].as_str(), told["constants"]["tone"].as_str()),
         (Some("phong"), Some("0.2"))
     );
-    let unknown = sunglint(&["render", text(&scene), "--experiment", "hase"]);
+    let unknown = sunglint(&["render", text(&scene), "--only", "experiment=hase"]);
     assert!(unknown.status.code() == Some(2) && stderr(&unknown).contains("`haze`?"), "{}", stderr(&unknown));
     // A second render of the same study does no work.
-    let again = sunglint(&["render", text(&scene), "-o", text(&all), "--experiment", "haze"]);
+    let again = sunglint(&["render", text(&scene), "-o", text(&all), "--only", "experiment=haze"]);
     assert_eq!(stderr(&again).matches("nothing to do").count(), 4, "{}", stderr(&again));
 }
 
@@ -441,4 +441,23 @@ fn every_shipped_material_is_a_material() {
     assert_eq!(plan["runs"][0]["models"]["asphalt_road_old"], "split");
     assert_eq!(plan["runs"][0]["models"]["panel_spectralon_90"], "ideal");
     assert_eq!(plan["runs"][1]["models"].as_object().map(|models| models.len()), Some(23));
+}
+
+/// A scene whose only finding is a warning passes, unless that warning, or any, is denied: then nothing is written.
+#[test]
+fn denied_warnings_end_a_command_with_2() {
+    let night = "tests/bad/t03_forgotten_zone.glint";
+    let code = |args: &[&str]| sunglint(args).status.code();
+    assert_eq!(code(&["check", night]), Some(0));
+    assert_eq!(code(&["check", night, "--deny", "G01"]), Some(0));
+    assert_eq!(code(&["check", night, "--deny", "G01", "--deny", "t03"]), Some(2));
+    assert_eq!(code(&["check", MINIMAL, night, "--deny", "warnings"]), Some(2));
+    assert_eq!(code(&["check", MINIMAL, MINIMAL, "--deny", "warnings"]), Some(0));
+    assert_eq!(code(&["plan", night, "--deny", "warnings"]), Some(2));
+    assert_eq!(code(&["check", night, "--deny", "T99"]), Some(2));
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().join("out");
+    let refused = sunglint(&["render", night, "-o", text(&out), "--deny", "T03"]);
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(stderr(&refused).contains("error[T03]") && !out.exists(), "{}", stderr(&refused));
 }

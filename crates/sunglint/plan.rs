@@ -197,6 +197,32 @@ impl Plan {
     }
 }
 
+/// The object that shows its back to a point on all sides; what is below is not asked, since a house may have no floor.
+fn encloses(world: &World, point: DVec3) -> Option<String> {
+    let sides = [
+        [0.1, 0.2, 1.0],
+        [1.0, 0.1, 0.05],
+        [-1.0, 0.2, 0.1],
+        [0.2, 1.0, 0.05],
+        [-0.1, -1.0, 0.1],
+        [0.7, 0.6, 0.5],
+        [-0.6, -0.7, 0.5],
+    ];
+    let mut object = None;
+    for side in sides {
+        let direction = sunglint_radiometry::WorldDir::from_unit(DVec3::from_array(side).normalize());
+        let hit = world.closest(&sunglint_geometry::Ray::new(point, direction))?;
+        if hit.front || hit.facet == FacetId::GROUND {
+            return None;
+        }
+        object.get_or_insert(hit.instance);
+    }
+    match object? {
+        scenery::SCENE_OBJECT => Some("a closed body of the scene".to_string()),
+        placed => world.instances().iter().find(|i| i.id == placed).map(|i| format!("`{}`", i.name)),
+    }
+}
+
 fn has_error(diagnostics: &[Diagnostic]) -> bool {
     diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
 }
@@ -404,11 +430,21 @@ impl<'s> Planner<'s, '_> {
         if let Some(ground) = world.ground()
             && camera.position().z < ground.height
         {
-            self.diagnostics.push(Diagnostic::warning(
-                "V02",
-                sensor.span,
-                format!("sensor `{}` stands below the ground", sensor.name),
-            ));
+            let depth = ground.height - camera.position().z;
+            self.diagnostics.push(
+                Diagnostic::warning(
+                    "V02",
+                    sensor.span,
+                    format!("sensor `{}` stands {depth:.3} m below the ground", sensor.name),
+                )
+                .help("heights count from z = 0 of the scene, not from sea level"),
+            );
+        } else if let Some(object) = encloses(world, camera.position()) {
+            self.diagnostics.push(
+                Diagnostic::warning("V02", sensor.span, format!("sensor `{}` stands inside {object}", sensor.name))
+                    .label("it sees the backs of facets all round")
+                    .help("move the sensor, or the object"),
+            );
         }
         let position = camera.position();
         if let Some(height) = surface.terrain.as_ref().and_then(|terrain| terrain.height_at(position.x, position.y))

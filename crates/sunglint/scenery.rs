@@ -479,7 +479,7 @@ impl Builder<'_> {
                     self.diagnostics.push(Diagnostic::warning(
                         "G01",
                         file.span,
-                        format!("{n} facet{} without area in `{}` dropped", if n == 1 { "" } else { "s" }, file.path),
+                        format!("`{}`: {n} face{} without area left out", file.path, if n == 1 { "" } else { "s" }),
                     ));
                 }
                 for skipped in &mesh.skipped {
@@ -498,22 +498,24 @@ impl Builder<'_> {
             }
             Err(ObjError::Unmapped(names)) => {
                 for name in names {
-                    let name =
-                        if name.is_empty() { "faces before any `usemtl`".to_string() } else { format!("`{name}`") };
-                    self.diagnostics.push(
-                        Diagnostic::error(
-                            "G03",
-                            file.span,
-                            format!("`{}`: {name} is mapped to no material", file.path),
-                        )
-                        .help("add a line `map \"…\" to MATERIAL`, or `map \"*\" to MATERIAL` for all the rest"),
-                    );
+                    let what = if name.is_empty() {
+                        "faces before any `usemtl` are".to_string()
+                    } else {
+                        format!("its material `{name}` is")
+                    };
+                    let mut fault =
+                        Diagnostic::error("G03", file.span, format!("`{}`: {what} mapped to no material", file.path))
+                            .help("add a line `map \"…\" to MATERIAL`, or `map \"*\" to MATERIAL` for all the rest");
+                    let near = sunglint_dsl::nearest(&name, maps.iter().map(|(pattern, ..)| pattern.as_str()));
+                    if let Some((_, _, span)) = maps.iter().find(|(pattern, ..)| Some(pattern.as_str()) == near) {
+                        fault = fault.note(*span, format!("`map \"{name}\"`?"));
+                    }
+                    self.diagnostics.push(fault);
                 }
             }
             Err(ObjError::Malformed(faults)) => {
                 for fault in faults {
-                    let place = format!("line {}, column {}", fault.line, fault.column);
-                    let message = format!("`{}` is malformed at {place}: {}", file.path, fault.message);
+                    let message = format!("{}:{}:{}: {}", file.path, fault.line, fault.column, fault.message);
                     self.diagnostics.push(Diagnostic::error("F01", file.span, message));
                 }
             }

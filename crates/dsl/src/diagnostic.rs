@@ -2,6 +2,13 @@
 
 use crate::Span;
 
+/// Every code, `docs/LANGUAGE.md` section 8.
+pub const CODES: [&str; 42] = [
+    "S01", "S02", "S03", "S04", "S05", "S06", "U01", "U02", "U03", "U04", "U05", "N01", "N02", "N03", "N04", "N05",
+    "T01", "T02", "T03", "A01", "A02", "A03", "M01", "M02", "M03", "M04", "M05", "G01", "G02", "G03", "G04", "G05",
+    "V01", "V02", "V03", "X01", "X02", "X03", "F01", "F02", "L01", "P01",
+];
+
 /// How bad it is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {

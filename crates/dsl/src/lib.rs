@@ -16,7 +16,7 @@ mod source;
 pub mod table;
 
 pub use check::{check, keywords};
-pub use diagnostic::{Diagnostic, Severity};
+pub use diagnostic::{CODES, Diagnostic, Severity};
 pub use format::format;
 pub use loader::{LoadError, Loaded, Loader};
 pub use nearest::{list, nearest};

@@ -7,6 +7,13 @@ use sunglint_geometry::{Instance, MaterialId, Up, World, read_obj};
 #[path = "../benches/load_obj/heights.rs"]
 mod heights;
 
+/// Processor seconds of this process so far.
+fn cpu_s() -> f64 {
+    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
+    let ticks = |field: usize| stat.rsplit(") ").next()?.split(' ').nth(field)?.parse::<f64>().ok();
+    ticks(11).zip(ticks(12)).map_or(f64::NAN, |(user, system)| (user + system) / 100.0)
+}
+
 /// Resident now and at most so far \[MB\].
 fn memory_mb() -> [f64; 2] {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
@@ -23,9 +30,13 @@ fn main() {
         Ok(triangles) => heights::obj(triangles).into_bytes(),
         Err(_) => std::fs::read(&asked).expect("a number of triangles, or a file"),
     };
-    let tell = |what: &str, seconds: f64| {
-        let [now, most] = memory_mb();
-        println!("{what:<28} {seconds:6.3} s, {now:7.1} MB resident, {most:7.1} MB at most so far");
+    let mut before = 0.0;
+    let mut tell = |what: &str, seconds: f64| {
+        let ([now, most], cpu) = (memory_mb(), cpu_s() - before);
+        before += cpu;
+        println!(
+            "{what:<28} {seconds:6.3} s, {cpu:5.2} s of processor, {now:7.1} MB resident, {most:7.1} MB at most so far"
+        );
     };
     tell(&format!("{:.1} MB of text", bytes.len() as f64 / 1e6), 0.0);
     let start = Instant::now();

@@ -115,6 +115,19 @@ pub(crate) struct Ring {
     given: Vec<usize>,
 }
 
+/// Normal and area of a triangle that is one beyond doubt; what is not goes to [`Ring::examine`].
+#[inline]
+pub(crate) fn sound_triangle(corners: &[DVec3; 3]) -> Option<(DVec3, f64)> {
+    let [a, b, c] = *corners;
+    let (lo, hi) = (a.min(b).min(c), a.max(b).max(c));
+    let extent = (hi - lo).max_element();
+    let rounding = 4.0 * f64::EPSILON * lo.abs().max(hi.abs()).max_element();
+    let twice = area_vector(corners);
+    let length = twice.length();
+    let sound = length.is_finite() && length > extent * (rounding + 1e-12 * extent);
+    (sound && a.is_finite() && b.is_finite() && c.is_finite()).then(|| (twice / length, 0.5 * length))
+}
+
 impl Ring {
     /// Unit normal and area \[m²\] of the facet with these corners, which are left in `self.corners`.
     pub fn examine(&mut self, corners: &[DVec3]) -> Result<(DVec3, f64), FacetError> {

@@ -1,6 +1,6 @@
 //! A faceted shape in its own frame.
 
-use crate::facet::{Ring, area_vector, flatten};
+use crate::facet::{Ring, area_vector, flatten, sound_triangle};
 use crate::{Facet, FacetError, MaterialId};
 use earcut::Earcut;
 use glam::{DAffine3, DVec2, DVec3};
@@ -202,6 +202,14 @@ impl MeshBuilder {
         builder.mesh.triangles.reserve_exact(facets);
         builder
     }
+    /// An empty mesh with room for so many triangles over so many corners, tables and all.
+    pub(crate) fn with_room(triangles: usize, corners: usize) -> Self {
+        let mut builder = Self::with_capacity(triangles);
+        builder.mesh.vertices.reserve_exact(corners);
+        builder.triangle_table.reserve(triangles);
+        builder.vertex_table.reserve(corners);
+        builder
+    }
     /// Facets so far.
     pub fn facet_count(&self) -> usize {
         self.mesh.facet_count()
@@ -271,7 +279,10 @@ impl MeshBuilder {
         material: MaterialId,
     ) -> Result<(), FacetError> {
         let corners = triangle.map(|i| positions[i]);
-        let (normal, _) = self.ring.examine(&corners)?;
+        let (normal, _) = match sound_triangle(&corners) {
+            Some(sound) => sound,
+            None => self.ring.examine(&corners)?,
+        };
         self.catch_up();
         self.indices.clear();
         for (i, corner) in triangle.into_iter().zip(corners) {
@@ -389,6 +400,13 @@ struct Table {
 const FREE: u32 = u32::MAX;
 
 impl Table {
+    fn reserve(&mut self, entries: usize) {
+        let slots = (entries + entries / 3 + 2).next_power_of_two().max(16);
+        if self.used == 0 && slots > self.slots.len() {
+            self.slots = vec![FREE; slots];
+        }
+    }
+
     /// The index that has the same key; else `new` is entered, and `None`. `of` gives the hash of an index.
     fn find(&mut self, hash: u64, new: u32, same: impl Fn(u32) -> bool, of: impl Fn(u32) -> u64) -> Option<u32> {
         self.entered = self.entered.max(new + 1);

@@ -109,17 +109,17 @@ pub fn read_obj(
         faults.add(0, "the file is UTF-16; save it as plain text or UTF-8".into());
         return Err(faults.listed(bytes));
     }
-    let positions = vertices(bytes, unit_m, up, &mut faults);
+    let (positions, face_count) = vertices(bytes, unit_m, up, &mut faults);
     let mut faces = Faces {
         known: vec![u32::MAX; positions.len()],
         sound: faults.is_empty(),
+        built: MeshBuilder::with_room(face_count, positions.len()),
         positions,
-        built: MeshBuilder::new(),
         corners: Vec::new(),
         dropped_zero_area: 0,
         split_not_planar: 0,
     };
-    let (mut vertices_so_far, mut face_count) = (0, 0);
+    let mut vertices_so_far = 0;
     let (mut names, mut unmapped) = (Vec::<String>::new(), Vec::new());
     let (mut by_name, mut name) = (HashMap::<String, MaterialId>::new(), String::new());
     let mut current = None;
@@ -128,7 +128,6 @@ pub fn read_obj(
         match statement.keyword {
             b"v" => vertices_so_far += 1,
             b"f" => {
-                face_count += 1;
                 let id = *current.get_or_insert_with(|| {
                     *by_name.entry(name.clone()).or_insert_with(|| {
                         names.push(name.clone());
@@ -171,11 +170,12 @@ pub fn read_obj(
     })
 }
 
-/// The vertices \[m\], zero in place of malformed ones.
-fn vertices(bytes: &[u8], unit_m: f64, up: Up, faults: &mut Faults) -> Vec<DVec3> {
-    let mut out = Vec::new();
+/// The vertices \[m\], zero in place of malformed ones, and the number of faces.
+fn vertices(bytes: &[u8], unit_m: f64, up: Up, faults: &mut Faults) -> (Vec<DVec3>, usize) {
+    let (mut out, mut face_count) = (Vec::new(), 0);
     for mut statement in Statements::of(bytes) {
         if statement.keyword != b"v" {
+            face_count += usize::from(statement.keyword == b"f");
             continue;
         }
         let (at, mut numbers, mut count) = (statement.at, [0.0; 3], 0);
@@ -198,7 +198,7 @@ fn vertices(bytes: &[u8], unit_m: f64, up: Up, faults: &mut Faults) -> Vec<DVec3
         out.push(if up == Up::Z { DVec3::new(x, y, z) } else { DVec3::new(x, -z, y) });
     }
     out.shrink_to_fit();
-    out
+    (out, face_count)
 }
 
 /// The faces so far.
@@ -219,6 +219,12 @@ impl Faces {
     fn read(&mut self, face: &mut Statement, vertices_so_far: usize, material: MaterialId, faults: &mut Faults) {
         self.corners.clear();
         let (mut given, mut sound) = (0, self.sound);
+        while let Some(index) = face.plain_corner(self.positions.len()) {
+            given += 1;
+            if given <= MOST_CORNERS {
+                self.corners.push(index);
+            }
+        }
         while let Some((at, word)) = face.word() {
             given += 1;
             match vertex_index(word, vertices_so_far, self.positions.len()) {
@@ -388,6 +394,9 @@ impl<'a> Iterator for Statements<'a> {
 
 /// Where the next line begins, if a backslash joins it to the one that ends at `end`.
 fn continued(bytes: &[u8], start: usize, end: usize) -> Option<usize> {
+    if end > start && bytes[end - 1] > b' ' && bytes[end - 1] != b'\\' {
+        return None;
+    }
     let last = bytes[start..end].iter().rposition(|&b| !is_blank(b))? + start;
     if bytes[last] != b'\\' || end == bytes.len() {
         return None;
@@ -430,6 +439,40 @@ impl<'a> Statement<'a> {
             }
             Some(_) => Some((start, &bytes[start..at])),
         }
+    }
+
+    /// The vertex, from 0, of the next corner, if that is digits, perhaps with digits behind `/`, and a vertex of `count`;
+    /// whatever else it is stays for [`Statement::word`].
+    #[inline]
+    fn plain_corner(&mut self, count: usize) -> Option<usize> {
+        let bytes = &self.bytes[..self.end];
+        let mut at = self.next;
+        while bytes.get(at) == Some(&b' ') {
+            at += 1;
+        }
+        let (start, mut index) = (at, 0_usize);
+        while let Some(digit) = bytes.get(at).map(|b| b.wrapping_sub(b'0')).filter(|digit| *digit < 10) {
+            index = index.wrapping_mul(10).wrapping_add(usize::from(digit));
+            at += 1;
+        }
+        if !(1..=9).contains(&(at - start)) || index == 0 || index > count {
+            return None;
+        }
+        let (rest, mut slashes) = (at, 0);
+        while let Some(&b) = bytes.get(at) {
+            match b {
+                b'/' => slashes += 1,
+                b'0'..=b'9' => {}
+                b' ' => break,
+                _ => return None,
+            }
+            at += 1;
+        }
+        if slashes > 2 || at - rest > 20 {
+            return None;
+        }
+        self.next = at;
+        Some(index - 1)
     }
 
     /// All that follows the keyword, on one line, blanks inside kept.

@@ -42,7 +42,12 @@ fn parse_pixel(text: &str) -> Result<(u32, u32), String> {
 impl Explain {
     pub fn run(&self, quiet: bool) -> Outcome {
         let experiments: Vec<String> = self.experiment.iter().cloned().collect();
-        let plan = plan_of(&self.scene, &Options { experiments, ..Options::default() }, quiet || self.json)?;
+        let plan = plan_of(
+            &self.scene,
+            &Options { experiments, ..Options::default() },
+            &super::Deny::default(),
+            quiet || self.json,
+        )?;
         let run = (plan.runs().iter())
             .find(|run| self.sensor.as_ref().is_none_or(|sensor| run.sensor == *sensor))
             .ok_or_else(|| {

@@ -20,7 +20,7 @@ use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 use sunglint::inspection::InspectionError;
 use sunglint::plot::{Format, Picture};
 use sunglint::plugin::Column;
@@ -161,9 +161,51 @@ fn report(diagnostics: &[Diagnostic], sources: &Sources) {
     let _ = write!(std::io::stderr(), "{text}");
 }
 
-/// Reads, checks and binds a scene; warnings are shown unless quiet.
-fn plan_of(scene: &Path, options: &Options, quiet: bool) -> Result<Plan, Failure> {
-    let plan = Plan::new(sunglint::open(scene)?, options)?;
+/// Which warnings end a command.
+#[derive(Args, Default)]
+struct Deny {
+    /// Treat warnings of this code as errors, or all `warnings`; may be said more than once
+    #[arg(long, value_name = "CODE|warnings", value_parser = parse_code)]
+    deny: Vec<String>,
+}
+
+impl Deny {
+    /// Makes errors of the warnings that are denied.
+    fn raise(&self, diagnostics: &mut [Diagnostic]) {
+        for diagnostic in diagnostics {
+            if self.deny.iter().any(|code| code == "warnings" || code == diagnostic.code) {
+                diagnostic.severity = Severity::Error;
+            }
+        }
+    }
+}
+
+/// `T03`, `t03` or `warnings`
+fn parse_code(text: &str) -> Result<String, String> {
+    let code = text.to_ascii_uppercase();
+    match text {
+        "warnings" => Ok(text.to_string()),
+        _ if sunglint::dsl::CODES.contains(&code.as_str()) => Ok(code),
+        _ => Err("write `warnings`, or a code such as T03; docs/DIAGNOSTICS.md lists them".to_string()),
+    }
+}
+
+/// Reads, checks and binds a scene; warnings are shown unless quiet, and end the command where they are denied.
+fn plan_of(scene: &Path, options: &Options, deny: &Deny, quiet: bool) -> Result<Plan, Failure> {
+    let planned = sunglint::open(scene).and_then(|checked| Plan::new(checked, options));
+    let plan = match planned {
+        Ok(mut plan) => {
+            deny.raise(&mut plan.warnings);
+            if plan.warnings.iter().any(|d| d.severity == Severity::Error) {
+                return Err(Refused { sources: plan.sources, diagnostics: plan.warnings }.into());
+            }
+            plan
+        }
+        Err(mut refused) => {
+            deny.raise(&mut refused.diagnostics);
+            return Err(refused.into());
+        }
+    };
     if !quiet {
         report(&plan.warnings, &plan.sources);
     }
@@ -171,7 +213,7 @@ fn plan_of(scene: &Path, options: &Options, quiet: bool) -> Result<Plan, Failure
 }
 
 /// Part of what a scene asks for.
-#[derive(clap::Args)]
+#[derive(Args)]
 struct Only {
     /// Part of it: experiment, sensor, time, band, crop=X,Y,WxH or scale=F; repeat for more
     #[arg(long, value_name = "KEY=VALUE")]

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 use sunglint::tracer::Accuracy;
 use sunglint::{Plan, Run, map_json, moments_json, settings_json, skips_json};
 
-use super::{Only, Outcome, plan_of, print, print_json};
+use super::{Deny, Only, Outcome, plan_of, print, print_json};
 
 /// What a render will compute, what it skips, and why
 #[derive(Args)]
@@ -21,11 +21,13 @@ pub struct PlanScene {
     /// As JSON
     #[arg(long)]
     json: bool,
+    #[command(flatten)]
+    deny: Deny,
 }
 
 impl PlanScene {
     pub fn run(&self, quiet: bool) -> Outcome {
-        let plan = plan_of(&self.scene, &self.part.options()?, quiet)?;
+        let plan = plan_of(&self.scene, &self.part.options()?, &self.deny, quiet)?;
         if self.json {
             print_json(&to_json(&plan))
         } else {

@@ -9,7 +9,7 @@ use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sunglint::{Options, Progress, RenderError, Rendered, Run};
 
-use super::{Failure, Only, Outcome, note, plan_of};
+use super::{Deny, Failure, Only, Outcome, note, plan_of};
 
 /// Render a scene's frames
 #[derive(Args)]
@@ -37,12 +37,14 @@ pub struct Render {
     /// Samples a pixel in place of the experiments' accuracy
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=65_536))]
     samples: Option<u32>,
+    #[command(flatten)]
+    deny: Deny,
 }
 
 impl Render {
     pub fn run(&self, quiet: bool) -> Outcome {
         let options = Options { samples: self.samples, ..self.part.options()? };
-        let plan = plan_of(&self.scene, &options, quiet)?;
+        let plan = plan_of(&self.scene, &options, &self.deny, quiet)?;
         let bar = Bar::new(quiet);
         match sunglint::render(&plan, &self.out, &bar) {
             Ok(_) => Ok(ExitCode::SUCCESS),

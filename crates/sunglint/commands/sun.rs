@@ -105,7 +105,7 @@ impl Sun {
     }
 
     fn of_scene(&self, scene: &std::path::Path) -> Outcome {
-        let plan = plan_of(scene, &Options { samples: Some(1), ..Options::default() }, true)?;
+        let plan = plan_of(scene, &Options { samples: Some(1), ..Options::default() }, &super::Deny::default(), true)?;
         let mut rows: Vec<Value> = Vec::new();
         let mut text = format!("{:<28} {:>12} {:>14} {:>12}\n", "time", "zenith_deg", "apparent_deg", "azimuth_deg");
         for run in plan.runs() {

@@ -104,7 +104,9 @@ pub(super) const GROUND_RULE: Rule =
 /// The most placements of one statement: 10⁷ poses are 0.6 GB.
 const MOST_PLACED: u64 = 10_000_000;
 /// The most members that nested placements may expand to.
-const MOST_EXPANDED: u64 = 1_000_000_000;
+const MOST_EXPANDED: u64 = 10_000_000;
+/// Bytes that each takes with its name and its part of the tree, near enough.
+const BYTES_PLACED: u64 = 350;
 /// How deep objects may place each other.
 const DEEPEST: usize = 64;
 /// How far a corner may lie off the plane of its facet, as a share of the facet's extent: corners written to a
@@ -782,12 +784,19 @@ impl<'a> Checker<'a> {
                 }
             }
         }
+        let mut total = 0u64;
         for (object, span, n) in places(world) {
-            let total = n.saturating_mul(members[object].unwrap_or(1));
+            let here = n.saturating_mul(members[object].unwrap_or(1));
+            total = total.saturating_add(here);
             if total > MOST_EXPANDED {
-                let message = format!("this places {:.1e} objects within objects", total as f64);
+                let gigabytes = total.saturating_mul(BYTES_PLACED) as f64 / 1e9;
+                let message = if total == here {
+                    format!("this places {total} objects, objects within objects counted each: {gigabytes:.0} GB")
+                } else {
+                    format!("with this the scene places {total} objects: {gigabytes:.0} GB")
+                };
                 self.report(
-                    Diagnostic::error("G05", span, message).label(format!("at most {:.0e}", MOST_EXPANDED as f64)),
+                    Diagnostic::error("G05", span, message).label(format!("at most {MOST_EXPANDED} in a scene")),
                 );
                 return;
             }
