@@ -175,7 +175,7 @@ pub(crate) fn insert_frame(run: &Run, frame: &mut Frame, t: usize, tile: Tile, r
     let (window, n_channels, n_traced) = (run.window, run.channels.len(), run.traced.len());
     let n = (tile.width * tile.height) as usize;
     let layer = |stack: &[f32], layer: usize| stack[layer * n..(layer + 1) * n].to_vec();
-    let level = if run.products.reflectance_factor { run.level_irradiance(t) } else { Vec::new() };
+    let level = run.products.reflectance_factor.then(|| run.level_irradiance(t));
     let key = crate::Readout::frame_key(&frame.label);
     for c in 0..n_channels {
         let at = t * n_traced + c;
@@ -184,7 +184,8 @@ pub(crate) fn insert_frame(run: &Run, frame: &mut Frame, t: usize, tile: Tile, r
         if let Some(surface) = frame.surface.get_mut(c) {
             copy_tile(tile, &result.surface, at, surface, window);
         }
-        if let (Some(factor), Some(level)) = (frame.reflectance_factor.get_mut(c), level.get(c)) {
+        let level = level.as_ref().and_then(|level| level.get(c));
+        if let (Some(factor), Some(level)) = (frame.reflectance_factor.get_mut(c), level) {
             let mut values = layer(&result.surface, at);
             for (value, code) in values.iter_mut().zip(&result.truth) {
                 let lit = *code != 0.0 && *level > 0.0;

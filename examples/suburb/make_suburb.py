@@ -263,7 +263,7 @@ def places():
             continue
         kind = "hip" if rng.random() < 0.45 else "gable"
         x, y = x + rng.uniform(-1.5, 1.5), y + rng.uniform(-1, 1)
-        houses[kind].append((x, y, heading + rng.uniform(-4, 4)))
+        houses[kind].append((x, y, (heading + rng.uniform(-4, 4)) % 360))
         stands.append((x, y))
         if kind == "hip":
             # The garage stands at the right of the front as seen from the street: local +x before turning.
@@ -273,7 +273,7 @@ def places():
             ex, ey = gx + 13 * ahead[0], gy + 13 * ahead[1]
             drives.append((min(gx, ex) - 1.9, max(gx, ex) + 1.9, min(gy, ey) - 1.9, max(gy, ey) + 1.9))
             if rng.random() < 0.7:
-                trucks.append((gx + 8.2 * ahead[0], gy + 8.2 * ahead[1], heading + 180 + rng.uniform(-3, 3)))
+                trucks.append((gx + 8.2 * ahead[0], gy + 8.2 * ahead[1], (heading + 180 + rng.uniform(-3, 3)) % 360))
     for x in range(-112, 116, 19):
         if rng.random() < 0.5 and not on_street(x, 99, 4.0):
             trucks.append((x, STREET_Y - 2.6, 90.0 + rng.uniform(-1, 1)))

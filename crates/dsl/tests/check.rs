@@ -396,10 +396,10 @@ fn a_scanner_flies_along_its_heading_whatever_it_looks_at() {
     assert!(matches!(sensor.pose, SensorPose::LookAt { .. }));
     let back = "sensor back like roof { projection pushbroom, depression 120 deg, speed 1 m/s, line_rate 2 Hz }\nmaterial grey {";
     let scene = good(&edited("material grey {", back));
-    assert!(matches!(scene.sensors[1].pose, SensorPose::Attitude { depression, .. } if depression > FRAC_PI_2));
+    assert!(matches!(scene.sensors[0].pose, SensorPose::Attitude { depression, .. } if depression > FRAC_PI_2));
     let turned = "sensor turned like roof { heading 90 deg, depression 30 deg }\nmaterial grey {";
     let scene = good(&edited("material grey {", turned));
-    assert!(matches!(scene.sensors[1].pose, SensorPose::Attitude { heading, .. } if heading == FRAC_PI_2));
+    assert!(matches!(scene.sensors[0].pose, SensorPose::Attitude { heading, .. } if heading == FRAC_PI_2));
 }
 
 /// East of the central meridian grid north lies east of true north: atan(tan Δλ sin φ), here Δλ = −2.674° and φ = 43.084°.
