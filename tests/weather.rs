@@ -12,7 +12,8 @@ fn plan_of(weather: &str, collect: &str) -> Plan {
                   1992-06-18T12:00-04:00,994,26,50,30,320\n\
                   1992-06-18T14:00-04:00,992,28,40,10,320\n";
     fs::write(folder.path().join("station.csv"), record).expect("a writable folder");
-    fs::copy("tests/scenes/buf_20060414_00z.csv", folder.path().join("buf.csv")).expect("tests run at the root");
+    fs::copy("crates/atmosphere/tests/data/buf_20060414_00z.csv", folder.path().join("buf.csv"))
+        .expect("tests run at the root");
     let scene = format!(
         "glint 1\nsite {{ latitude 43.084 deg, longitude -77.674 deg, elevation 215 m }}\ncollect {{ {collect} }}\n\
          weather {{ {weather} }}\nmaterial grey {{ ideal {{ diffuse 0.5 }} }}\n\

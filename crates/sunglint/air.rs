@@ -69,7 +69,19 @@ impl Air {
             return self.clone();
         };
         let (weather, asked) = self.weather.observed(utc);
+        let mut alike: Vec<(String, Observed)> = Vec::new();
         for (field, observed) in asked {
+            let span = |observed: &Observed| match observed {
+                Observed::Value { across, .. } => *across,
+                Observed::Beyond(first, last) => Some((*first, *last)),
+            };
+            let beyond = |observed: &Observed| matches!(observed, Observed::Beyond(..));
+            match alike.iter_mut().find(|(_, o)| span(o) == span(&observed) && beyond(o) == beyond(&observed)) {
+                Some((fields, _)) => *fields = format!("{fields}, {field}"),
+                None => alike.push((field.to_string(), observed)),
+            }
+        }
+        for (field, observed) in alike {
             match observed {
                 Observed::Value { across: Some((a, b)), .. } => {
                     let hours = (b.0 - a.0) / 3600.0;
@@ -84,7 +96,7 @@ impl Air {
                 Observed::Value { .. } => {}
                 Observed::Beyond(first, last) => {
                     let message = format!(
-                        "{path} does not reach the collection at {}: its {field} is from {} to {}",
+                        "{path} does not reach the collection at {}: it has {field} from {} to {}",
                         iso(utc),
                         iso(first),
                         iso(last)

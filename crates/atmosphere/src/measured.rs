@@ -156,7 +156,7 @@ impl Measured {
                 Beam::Transmitted { transmittance, solar }
             }
             (None, None) => {
-                let message = "`measured` needs the sun beside its sky";
+                let message = "the sky is measured, but the sun is not said";
                 return Err(BindError::of_block("S05", message)
                     .help("say `direct_irradiance` (0 W/m2/um where no beam came through), or `sun_transmittance`"));
             }
@@ -330,8 +330,8 @@ fn readings(table: &Table, uncertainty: Option<f64>, linear: bool, grid: &Spectr
                 }
                 let spectrum = SpectralValue::PerBand(values).on(grid).map_err(|missing| {
                     let nowhere = !names.contains(&missing.band);
-                    let place = if nowhere { "any direction".to_string() } else { direction.shown() };
-                    let fault = fault("M04", format!("the sky has no reading in band `{}` at {place}", missing.band));
+                    let place = if nowhere { String::new() } else { format!(" at {}", direction.shown()) };
+                    let fault = fault("M04", format!("the sky has no reading in band `{}`{place}", missing.band));
                     fault.help("every band of the sensor is read in every direction")
                 })?;
                 (spectrum, least(&mut direction.bands.values().map(Vec::len)))
@@ -364,7 +364,7 @@ fn mean_of(values: &[f64], uncertainty: Option<f64>, direction: &Direction) -> R
     let u = uncertainty.unwrap_or(UNSTATED);
     if high - low > 3.0 * 2f64.sqrt() * u * mean + 1e-12 * mean {
         let message =
-            format!("the readings of {} differ: {low:.6} and {high:.6} W/m2/sr/um in one band", direction.shown());
+            format!("the readings of {} differ: {low:.4} and {high:.4} W/m2/sr/um in one band", direction.shown());
         return Err(fault("M05", message).help(format!("repeated readings agree within 3 √2 times {} %", 100.0 * u)));
     }
     Ok(mean)

@@ -47,11 +47,10 @@ pub(crate) fn read(path: &str, text: &str) -> Result<Sounding, Vec<TableError>> 
     };
     let wanted = [&PRESSURE, &ALTITUDE, &TEMPERATURE].map(|choice| (choice, find(choice)));
     let moist = [&HUMIDITY, &DEW_POINT, &MIXING_RATIO].map(&mut find);
-    if !faults.is_empty() {
-        return Err(faults);
-    }
+    let unread = faults.len();
     for ((choice, found), name) in wanted.iter().zip(["pressure_hpa", "altitude_m", "temperature_degc"]) {
-        if found.is_none() {
+        let bare = |column: &String| choice.names.contains(&column.as_str());
+        if found.is_none() && !(unread > 0 && sheet.header().iter().any(bare)) {
             let near = sheet.header().iter().find(|name| nearest(stem(name), choice.names.iter().copied()).is_some());
             let fault = TableError::new("F02", format!("a sounding has a column `{name}`; this file has none"));
             faults.push(match near {
@@ -66,9 +65,8 @@ pub(crate) fn read(path: &str, text: &str) -> Result<Sounding, Vec<TableError>> 
         let fault = TableError::new("F02", "the moisture of a sounding is given in more than one column");
         faults.push(fault.help(format!("keep one of {}", names.join(", "))));
     }
-    if let Some(lost) =
-        misspelt(&sheet, &STEMS, wanted.iter().filter_map(|(_, found)| *found).chain(moist.into_iter().flatten()))
-    {
+    let taken = wanted.iter().filter_map(|(_, found)| *found).chain(moist.into_iter().flatten());
+    if let Some(lost) = misspelt(&sheet, &STEMS, taken).filter(|_| faults.is_empty()) {
         faults.push(lost);
     }
     let [(_, Some(pressure)), (_, Some(altitude)), (_, Some(temperature))] = wanted else { return Err(faults) };

@@ -260,7 +260,7 @@ impl<'a> Sheet<'a> {
             return Ok(value);
         }
         let message = format!("{} is beyond its range", self.text(row, found.at));
-        let back = |bound: f64| short((bound - found.offset) / found.factor);
+        let back = |bound: f64| short((bound - found.offset) / found.factor) + 0.0; // no -0
         let (a, b) = (back(low), back(high));
         let help = format!("`{}` is from {} to {}", self.header[found.at], a.min(b), a.max(b));
         Err(self.locate(TableError::new("U05", message), row, found.at).help(help))

@@ -246,9 +246,9 @@ impl<'a> Checker<'a> {
             let (base, top) = (self.optional(own.get("base"), &height), self.optional(own.get("top"), &height));
             let (Some(optical_depth), Some(base), Some(top)) = (depth, base, top) else { continue };
             if top <= base {
-                let message = "the top of a cloud lies above its base";
+                let message = "the top of this cloud is not above its base";
                 let place = own.get("top").map_or(line.span(), |line| line.span());
-                let fault = Diagnostic::error("A01", place, message).label("not above the base");
+                let fault = Diagnostic::error("A01", place, message).label("must lie higher");
                 let fault = own.get("base").into_iter().fold(fault, |fault, base| fault.note(base.span(), "the base"));
                 self.report(fault);
                 continue;
