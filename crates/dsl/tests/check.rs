@@ -341,8 +341,8 @@ fn one_fault_gives_one_message_with_its_code() {
         ("L01", "material grey {", "experiment a { algorithm full }\nmaterial grey {"),
         ("L01", "material grey {", "experiment a { reflectance rpv else ideal }\nmaterial grey {"),
         ("L01", "ideal { diffuse 0.18 }", "rpv { rho0 0.1 }"),
-        ("L01", "visibility 23 km", "radiosonde \"buf_12z.csv\""),
-        ("L01", "material grey {", "sphere grey radius 1 m\nmaterial grey {"),
+        ("F01", "visibility 23 km", "radiosonde \"buf_12z.csv\""),
+        ("L01", "material grey {", "periodic (0 0) (9 9) m\nmaterial grey {"),
         ("L01", "material grey {", "plugin \"foam\"\nmaterial grey {"),
         // scanners, detectors, coordinate systems
         ("V01", "field_of_view", "projection pushbroom\n  field_of_view"),
@@ -579,7 +579,7 @@ experiment one { algorithm split { depth unlimited, adjacency on }, sensor eyes,
 "#,
     );
     let Shape::Box { pose, .. } = scene.world[0] else { panic!("{:?}", scene.world) };
-    assert_eq!(pose.at, DVec3::new(5.0, 6.0, 2.0));
+    assert_eq!((pose.at, pose.on_surface), (DVec3::new(5.0, 6.0, 0.0), true));
     assert!((pose.heading - 30f64.to_radians()).abs() < 1e-15);
     let split = &scene.materials[0].models[0].args;
     let table = split.table("table").unwrap();

@@ -15,7 +15,7 @@
 
 use crate::Pose;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Where members lie, about the origin.
@@ -210,14 +210,14 @@ impl Leaves {
 /// Members by cells of one least distance, so that those too near lie in the cells about.
 struct Neighbours {
     spacing: f64,
-    latest: HashMap<[i64; 3], u32>,
+    latest: FxHashMap<[i64; 3], u32>,
     /// Position, and the member before it in its cell.
     members: Vec<(DVec3, u32)>,
 }
 
 impl Neighbours {
     fn new(spacing: f64) -> Self {
-        Self { spacing, latest: HashMap::new(), members: Vec::new() }
+        Self { spacing, latest: FxHashMap::default(), members: Vec::new() }
     }
 
     /// Whether a member has its distance; if so it is kept.

@@ -79,7 +79,7 @@ pub fn read_columns(text: &str, wanted: &[Wanted]) -> Result<Vec<Option<Vec<f64>
                 let (low, high) = wanted.column.range;
                 let slack = 1e-9 * value.abs();
                 column.push(value);
-                if value >= low - slack && value <= high + slack {
+                if value.is_finite() && value >= low - slack && value <= high + slack {
                     continue;
                 }
                 row(&mut sheet, &record);
