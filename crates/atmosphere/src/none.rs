@@ -40,9 +40,9 @@ pub const MODEL: Model<dyn Atmosphere> = Model {
                 Default::Absent,
                 "at 1 au, normal incidence; the TSIS-1 HSRS spectrum unless given",
             )
-            .within(0.0, f64::INFINITY),
+            .within(0.0, 1e12),
             Param::spectrum("sky_radiance", Dimension::Radiance, Default::Number(0.0), "of the sky, at the zenith")
-                .within(0.0, f64::INFINITY),
+                .within(0.0, 1e12),
             Param::word(
                 "sky",
                 &["isotropic", "overcast"],

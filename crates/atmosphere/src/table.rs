@@ -90,13 +90,16 @@ const RADIANCE: &[(&str, f64)] =
     &[("_w_m2_sr_um", 1.0), ("_w_m2_sr_nm", 1e3), ("_mw_cm2_sr_um", 10.0), ("_uw_cm2_sr_nm", 10.0)];
 const PLAIN: &[(&str, f64)] = &[("", 1.0)];
 
+/// Largest radiance or irradiance of a table, in its own unit: what is beyond is no light, and sums of it are no numbers.
+const BRIGHTEST: f64 = 1e12;
+
 const QUANTITIES: [Quantity; 6] = [
-    Quantity { name: "solar_irradiance", units: IRRADIANCE, largest: f64::MAX, keys: [None; 3] },
+    Quantity { name: "solar_irradiance", units: IRRADIANCE, largest: BRIGHTEST, keys: [None; 3] },
     Quantity { name: "sun_transmittance", units: PLAIN, largest: 1.0, keys: [Some(0), None, None] },
-    Quantity { name: "diffuse_irradiance", units: IRRADIANCE, largest: f64::MAX, keys: [Some(0), None, None] },
-    Quantity { name: "sky_radiance", units: RADIANCE, largest: f64::MAX, keys: [Some(0), Some(1), Some(2)] },
+    Quantity { name: "diffuse_irradiance", units: IRRADIANCE, largest: BRIGHTEST, keys: [Some(0), None, None] },
+    Quantity { name: "sky_radiance", units: RADIANCE, largest: BRIGHTEST, keys: [Some(0), Some(1), Some(2)] },
     Quantity { name: "path_transmittance", units: PLAIN, largest: 1.0, keys: [None, Some(3), Some(4)] },
-    Quantity { name: "path_radiance", units: RADIANCE, largest: f64::MAX, keys: [Some(0), Some(3), Some(4)] },
+    Quantity { name: "path_radiance", units: RADIANCE, largest: BRIGHTEST, keys: [Some(0), Some(3), Some(4)] },
 ];
 
 struct Key {
@@ -441,8 +444,11 @@ fn gather(
             .filter(|value: &f64| value.is_finite())
             .ok_or_else(|| fault("F01", format!("{name}, line {line}, {column}: `{text}` is no number")))?;
         if value < 0.0 || value > largest {
-            let range =
-                if largest == f64::MAX { "not negative".to_string() } else { format!("within 0 and {largest}") };
+            let range = if largest == f64::MAX {
+                "not negative".to_string()
+            } else {
+                format!("within 0 and {}", plain(largest))
+            };
             return Err(fault("U05", format!("{name}, line {line}: {column} is {text}, but it must be {range}")));
         }
         Ok(Some(value * source.factor + 0.0)) // −0 becomes 0
@@ -732,4 +738,8 @@ impl Azimuths {
         let t = (past / gap).clamp(0.0, 1.0);
         [(n - 1, 1.0 - t), (0, t)]
     }
+}
+
+fn plain(limit: f64) -> String {
+    if limit >= 1e6 { format!("{limit:e}") } else { limit.to_string() }
 }

@@ -298,7 +298,7 @@ impl<'a> Checker<'a> {
             .filter(|unit| found.is_some_and(|found| found.name != unit.name) && q.holds(canonical(unit, number)))
             .filter(|_| q.of != Dimension::Angle)
             .min_by_key(|unit| (unit.name != own, unit.name == "ft"));
-        let range = range_text(q, found);
+        let range = range_text(q, found, value);
         let label = match (percent, meant) {
             (true, _) => format!("{digits} %?"),
             (_, Some(unit)) => format!("{}?", spaced(unit.name)),
@@ -616,14 +616,15 @@ impl<'a> Checker<'a> {
     }
 }
 
-fn range_text(q: &Quantity, found: Option<&Unit>) -> String {
+/// The range of a quantity; a limit that is only there to keep sums finite is told to what exceeds it.
+fn range_text(q: &Quantity, found: Option<&Unit>, value: f64) -> String {
     let unit = found.filter(|unit| unit.name != "%").or_else(|| unit(usual(q), q.of).filter(|u| u.name != "%"));
     let name = unit.map_or(String::new(), |unit| format!(" {}", unit.name));
     let show = |value: f64| written(unit.map_or(value, |unit| (value - unit.offset) / unit.factor));
     let (low, high) =
         if q.percent { (written(q.low * 100.0), written(q.high * 100.0)) } else { (show(q.low), show(q.high)) };
     let name = if q.percent { " %".to_string() } else { name };
-    match (q.low.is_finite(), q.high.is_finite() && q.high < 1e8) {
+    match (q.low.is_finite(), q.high.is_finite() && (q.high < 1e8 || value > q.high)) {
         (true, true) if q.low_open && q.high_open => format!("between {low} and {high}{name}, both excluded"),
         (true, true) if q.low_open => format!("above {low} and at most {high}{name}"),
         (true, true) if q.high_open => format!("from {low} to below {high}{name}"),
