@@ -286,6 +286,10 @@ fn one_fault_gives_one_message_with_its_code() {
         ("X03", "material grey {", "experiment a { samples 64, time 60 s }\nmaterial grey {"),
         // files
         ("F01", "diffuse 0.18", "diffuse \"whit.csv\""),
+        ("F01", "visibility 23 km", "radiosonde \"buf_12z.csv\""),
+        ("F02", "visibility 23 km", "observations \"white.csv\""),
+        ("A01", "visibility 23 km", "cloud { optical_depth 1, base 2 km, top 1 km }"),
+        ("N01", "visibility 23 km", "aerosol rural { wet on }"),
         ("F02", "diffuse 0.18", "diffuse \"white.csv\" column nowhere"),
         // later versions
         ("L01", "material grey {", "atmosphere layered { streams 16 }\nmaterial grey {"),
@@ -294,7 +298,6 @@ fn one_fault_gives_one_message_with_its_code() {
         ("L01", "material grey {", "experiment a { time 60 s }\nmaterial grey {"),
         ("L01", "material grey {", "experiment a { weather { visibility sweep [5, 10] km } }\nmaterial grey {"),
         ("L01", "ideal { diffuse 0.18 }", "rpv { rho0 0.1 }"),
-        ("L01", "visibility 23 km", "radiosonde \"buf_12z.csv\""),
         ("L01", "material grey {", "sphere grey radius 1 m\nmaterial grey {"),
         ("L01", "material grey {", "material asphalt_road_old\nmaterial grey {"),
         ("L01", "material grey {", "plugin \"foam\"\nmaterial grey {"),
