@@ -223,10 +223,14 @@ def spruce():
 
 
 def height(x, y):
-    """Of the ground: a hill in the north-east, a hollow in the south-west, gentle waves; streets are not cut in."""
-    hill = 9 * exp(-((x - 70) ** 2 + (y - 80) ** 2) / (2 * 45 ** 2))
-    hollow = -4 * exp(-((x + 75) ** 2 + (y + 70) ** 2) / (2 * 38 ** 2))
-    return hill + hollow + 0.6 * sin(x / 31) * cos(y / 27) + 0.012 * x
+    """Of the ground: a hill in the north-east and gentle waves, level at the edges, where the plain goes on."""
+    def inwards(t):
+        t = min(1.0, (120 - abs(t)) / 35)
+        return t * t * (3 - 2 * t)
+
+    hill = 9 * exp(-((x - 55) ** 2 + (y - 60) ** 2) / (2 * 38 ** 2))
+    waves = 1.4 + 0.6 * sin(x / 31) * cos(y / 27) + 0.5 * sin((x + y) / 55)
+    return inwards(x) * inwards(y) * (hill + waves)
 
 
 def on_street(x, y, margin=0.0):
