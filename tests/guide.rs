@@ -93,7 +93,10 @@ fn console(block: &Block, folder: &Path, at: &str) {
             if wanted.trim().is_empty() || wanted.trim() == "…" {
                 continue;
             }
-            assert!(rest.any(|line| shows(line, wanted)), "{at}: `{command}` does not print `{wanted}`, but\n{printed}");
+            assert!(
+                rest.any(|line| shows(line, wanted)),
+                "{at}: `{command}` does not print `{wanted}`, but\n{printed}"
+            );
         }
     }
 }
