@@ -36,6 +36,35 @@ fn truth() {
     }
 }
 
+/// Both sensors and both experiments; a quarter of a million facets are placed, none is written twice.
+#[test]
+fn suburb() {
+    let options = Options { pixels: Some((48, 32)), samples: Some(16), ..Options::default() };
+    let plan = plan("examples/suburb/suburb.glint", &options);
+    assert_eq!(plan.runs().len(), 4);
+    for run in plan.runs() {
+        insta::assert_snapshot!(format!("suburb_{}_{}", run.experiment, run.sensor), run.render().digest());
+    }
+}
+
+/// Fifteen runs of two sweeps and three of a constant, in the order of the text; the further away, the more the air between
+/// target and sensor adds.
+#[test]
+fn study() {
+    let options = Options { pixels: Some((16, 12)), samples: Some(16), ..Options::default() };
+    let plan = plan("examples/study/study.glint", &options);
+    let names: Vec<&str> = plan.runs().iter().map(|run| run.experiment.as_str()).collect();
+    assert_eq!(names.len(), 18);
+    assert_eq!((names[0], names[1]), ("haze/reflectance=ideal,visibility=5km", "haze/reflectance=ideal,visibility=10km"));
+    assert_eq!(&names[15..], ["300m", "1000m", "3000m"].map(|height| format!("flight/flying_height={height}")));
+    let blue = |run: usize| {
+        let explained = sunglint::explain(&plan.runs()[run], (8, 10), 0, &plan.materials);
+        let (_, value) = explained.bands[0].terms.iter().find(|(name, _)| *name == "path_radiance").expect("a term");
+        *value
+    };
+    assert!(blue(15) < blue(16) && blue(16) < blue(17), "{} {} {}", blue(15), blue(16), blue(17));
+}
+
 /// The scene's point: the flat mirror before the shed shows the camera both greys of its front. Where a pixel's mirror
 /// ray meets the front, the light half is brighter than the dark half by more than the panel's own haze.
 #[test]
