@@ -57,8 +57,13 @@ impl Grammar {
                     Rule::Match { regex, name, captures: captures.collect() }
                 }
                 (None, Some(begin)) => {
+                    let end = regex("end").unwrap();
+                    // A list may hold lists: while its inside is read, the rule is known.
+                    let known =
+                        Rule::Region { begin: begin.clone(), end: end.clone(), name: name.clone(), inside: Vec::new() };
+                    self.rules.insert(path.to_string(), known);
                     let inside = self.patterns(json, &pattern["patterns"], path);
-                    Rule::Region { begin, end: regex("end").unwrap(), name, inside }
+                    Rule::Region { begin, end, name, inside }
                 }
                 _ => panic!("{path}"),
             };

@@ -209,9 +209,7 @@ fn wavelength_in_name(name: &str) -> Option<f64> {
     };
     let before = before.trim_end();
     let last = if before.contains(',') { before.rsplit('.').next()? } else { before };
-    let start = last.rfind(|c: char| !(c.is_ascii_digit() || c == '.' || c == ',')).map_or(0, |at| at + 1);
-    // A letter before the last may take more than one byte.
-    let digits = last.get(start..)?.replace(',', ".");
+    let digits = last.rsplit(|c: char| !(c.is_ascii_digit() || c == '.' || c == ',')).next()?.replace(',', ".");
     digits.parse::<f64>().ok().and_then(|value| plausible(value * scale))
 }
 
