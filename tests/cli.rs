@@ -436,7 +436,11 @@ fn every_shipped_material_is_a_material() {
     for (i, (name, _)) in sunglint::reflectance::shipped_materials().enumerate() {
         all += &format!("material {name}\npanel {name} size (1 1) m at ({i} 0 0.1) m\n");
     }
-    std::fs::write(&scene, all + "experiment split { reflectance split else ideal }\nexperiment ideal { reflectance ideal }\n").expect("a scene");
+    std::fs::write(
+        &scene,
+        all + "experiment split { reflectance split else ideal }\nexperiment ideal { reflectance ideal }\n",
+    )
+    .expect("a scene");
     let plan = json(&["plan", text(&scene), "--json"]);
     assert_eq!(plan["runs"][0]["models"]["asphalt_road_old"], "split");
     assert_eq!(plan["runs"][0]["models"]["panel_spectralon_90"], "ideal");

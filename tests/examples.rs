@@ -55,7 +55,10 @@ fn study() {
     let plan = plan("examples/study/study.glint", &options);
     let names: Vec<&str> = plan.runs().iter().map(|run| run.experiment.as_str()).collect();
     assert_eq!(names.len(), 18);
-    assert_eq!((names[0], names[1]), ("haze/reflectance=ideal,visibility=5km", "haze/reflectance=ideal,visibility=10km"));
+    assert_eq!(
+        (names[0], names[1]),
+        ("haze/reflectance=ideal,visibility=5km", "haze/reflectance=ideal,visibility=10km")
+    );
     assert_eq!(&names[15..], ["300m", "1000m", "3000m"].map(|height| format!("flight/flying_height={height}")));
     let blue = |run: usize| {
         let explained = sunglint::explain(&plan.runs()[run], (8, 10), 0, &plan.materials);

@@ -212,8 +212,9 @@ fn circle(names: &[&str]) -> String {
 /// Every word that the language itself gives a meaning at some place, for editors: keys of statements and clauses, and
 /// connectives. Names of models and of their parameters come from the catalogue.
 pub fn keywords() -> BTreeSet<&'static str> {
-    let tables = [SCENE, GEOMETRY, time::SITE, time::COLLECT, time::WEATHER, material::MATERIAL, SENSOR, EXPERIMENT];
-    let mut waiting: Vec<&Rule> = tables.into_iter().flatten().collect();
+    let of_scene = [SCENE, GEOMETRY, time::SITE, time::COLLECT, time::WEATHER, time::CLOUD];
+    let tables = of_scene.into_iter().chain([material::MATERIAL, SENSOR, EXPERIMENT, SNAPSHOT]);
+    let mut waiting: Vec<&Rule> = tables.flatten().collect();
     let mut words: BTreeSet<_> = crate::parse::spelling::CONNECTIVES.iter().copied().collect();
     while let Some(rule) = waiting.pop() {
         words.insert(rule.key);

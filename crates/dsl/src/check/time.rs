@@ -53,7 +53,7 @@ pub(super) const WEATHER: &[Rule] = &[
     rule("cloud", "cloud { optical_depth NUMBER, base LENGTH, top LENGTH }").many().braces(Braces::Required),
 ];
 
-const CLOUD: &[Rule] = &[
+pub(super) const CLOUD: &[Rule] = &[
     rule("optical_depth", "optical_depth NUMBER").required(),
     rule("base", "base LENGTH").required(),
     rule("top", "top LENGTH").required(),
