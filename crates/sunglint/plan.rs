@@ -1,16 +1,20 @@
 //! What runs, what is skipped, and why. The last place where a scene can fail: after it only writing can.
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+mod light;
+mod skips;
+mod spectra;
+mod view;
+
+use std::collections::{BTreeMap, HashSet};
 use std::sync::Arc;
 
 use glam::DVec3;
-use sunglint_atmosphere::{Atmosphere, Cloud, Column, Needs, Sun};
-use sunglint_dsl::scene::{self, Accuracy, Experiment, ModelUse, Sensor, Weather};
-use sunglint_dsl::{Diagnostic, Scene, Severity, Sources, list, nearest};
-use sunglint_geometry::{FacetId, MaterialId, World};
-use sunglint_plugin::{Args, BindError, SpectralValue, TableKey, Value};
-use sunglint_radiometry::{Channels, LocalDir, SpectralGrid};
-use sunglint_reflectance::Bsdf;
+use sunglint_atmosphere::Needs;
+use sunglint_dsl::scene::{self, Accuracy, Experiment, ModelUse, Sensor};
+use sunglint_dsl::{Diagnostic, Scene, Severity, Sources};
+use sunglint_geometry::World;
+use sunglint_plugin::{BindError, SpectralValue, Value};
+use sunglint_radiometry::{Channels, SpectralGrid};
 use sunglint_sensor::{Band, Camera, Ccd};
 use sunglint_tracer::{Algorithm, Illumination, Scenery, Surface, Tile};
 
@@ -19,6 +23,11 @@ use crate::products::MapProjection;
 use crate::selection::{Crop, is_experiment, is_time, wanted};
 use crate::times::Moment;
 use crate::{Checked, Readout, Refused, grid, scenery, times};
+
+use self::light::{Solved, ground_albedo};
+use self::skips::{run_skips, scene_skips};
+use self::spectra::{corners_of, is_per_band};
+use self::view::{map_of, scan_note, unknown};
 
 /// Most samples a pixel under `error`.
 const MOST_SAMPLES: u32 = 4096;
@@ -197,32 +206,6 @@ impl Plan {
     }
 }
 
-/// The object that shows its back to a point on all sides; what is below is not asked, since a house may have no floor.
-fn encloses(world: &World, point: DVec3) -> Option<String> {
-    let sides = [
-        [0.1, 0.2, 1.0],
-        [1.0, 0.1, 0.05],
-        [-1.0, 0.2, 0.1],
-        [0.2, 1.0, 0.05],
-        [-0.1, -1.0, 0.1],
-        [0.7, 0.6, 0.5],
-        [-0.6, -0.7, 0.5],
-    ];
-    let mut object = None;
-    for side in sides {
-        let direction = sunglint_radiometry::WorldDir::from_unit(DVec3::from_array(side).normalize());
-        let hit = world.closest(&sunglint_geometry::Ray::new(point, direction))?;
-        if hit.front || hit.facet == FacetId::GROUND {
-            return None;
-        }
-        object.get_or_insert(hit.instance);
-    }
-    match object? {
-        scenery::SCENE_OBJECT => Some("a closed body of the scene".to_string()),
-        placed => world.instances().iter().find(|i| i.id == placed).map(|i| format!("`{}`", i.name)),
-    }
-}
-
 fn has_error(diagnostics: &[Diagnostic]) -> bool {
     diagnostics.iter().any(|diagnostic| diagnostic.severity == Severity::Error)
 }
@@ -390,93 +373,6 @@ impl<'s> Planner<'s, '_> {
         Some(shared.geometries.len() - 1)
     }
 
-    /// Names of the selection that the scene does not have, and a crop beyond a view.
-    fn check_selection(&mut self, bands: &[Vec<Band>], cameras: &[Option<Arc<dyn Camera>>]) {
-        let (scene, options) = (self.scene, self.options);
-        let mut known_bands: Vec<&str> = Vec::new();
-        for (sensor, bands) in scene.sensors.iter().zip(bands) {
-            for band in bands.iter().filter(|_| wanted(&options.sensors, |name| name == sensor.name)) {
-                if !known_bands.contains(&band.name.as_str()) {
-                    known_bands.push(&band.name);
-                }
-            }
-        }
-        let sensors: Vec<&str> = scene.sensors.iter().map(|sensor| sensor.name.as_str()).collect();
-        let named = |wanted: &str, name: &str| wanted == name;
-        self.diagnostics.extend(unknown("sensor", &options.sensors, &sensors, named));
-        self.diagnostics.extend(unknown("band", &options.bands, &known_bands, named));
-        let Some(crop) = options.crop else { return };
-        for (sensor, camera) in scene.sensors.iter().zip(cameras) {
-            let Some(camera) = camera.as_ref().filter(|_| wanted(&options.sensors, |name| name == sensor.name)) else {
-                continue;
-            };
-            if crop.within(camera.pixels()).is_none() {
-                let (width, height) = camera.pixels();
-                self.diagnostics.push(
-                    Diagnostic::whole(
-                        "X01",
-                        format!("crop {crop} reaches beyond sensor `{}`, {width} x {height} pixels", sensor.name),
-                    )
-                    .help(
-                        "a crop is X,Y,WxH in pixels of the whole view as it is rendered, after `scale` and `--pixels`",
-                    ),
-                );
-            }
-        }
-    }
-
-    fn warn_of_view(&mut self, sensor: &Sensor, camera: &dyn Camera, world: &World, surface: &scenery::Surface) {
-        let (w, h) = camera.pixels();
-        if let Some(ground) = world.ground()
-            && camera.position().z < ground.height
-        {
-            let depth = ground.height - camera.position().z;
-            self.diagnostics.push(
-                Diagnostic::warning(
-                    "V02",
-                    sensor.span,
-                    format!("sensor `{}` stands {depth:.3} m below the ground", sensor.name),
-                )
-                .help("heights count from z = 0 of the scene, not from sea level"),
-            );
-        } else if let Some(object) = encloses(world, camera.position()) {
-            self.diagnostics.push(
-                Diagnostic::warning("V02", sensor.span, format!("sensor `{}` stands inside {object}", sensor.name))
-                    .label("it sees the backs of facets all round")
-                    .help("move the sensor, or the object"),
-            );
-        }
-        let position = camera.position();
-        if let Some(height) = surface.terrain.as_ref().and_then(|terrain| terrain.height_at(position.x, position.y))
-            && position.z < height
-        {
-            let message = format!("sensor `{}` stands {:.1} m below the terrain", sensor.name, height - position.z);
-            self.diagnostics.push(
-                Diagnostic::warning("V02", sensor.span, message)
-                    .label(format!("z above {height:.1} m?"))
-                    .help("heights of a terrain count from z = 0, not from the terrain itself"),
-            );
-        }
-        let (w, h) = (f64::from(w), f64::from(h));
-        let sees = (0..=16).any(|i| {
-            (0..=16).any(|j| {
-                let ray = camera.ray(w * f64::from(i) / 16.0, h * f64::from(j) / 16.0);
-                world.closest(&sunglint_geometry::Ray::new(ray.origin, ray.direction)).is_some()
-            })
-        });
-        if !sees {
-            self.diagnostics.push(
-                Diagnostic::warning(
-                    "V02",
-                    sensor.span,
-                    format!("sensor `{}` seems to see nothing of the scene", sensor.name),
-                )
-                .label("none of 289 lines of sight meets a facet")
-                .help("check where it stands and looks, and its field of view"),
-            );
-        }
-    }
-
     #[allow(clippy::too_many_arguments)]
     fn run(
         &mut self,
@@ -634,25 +530,6 @@ impl<'s> Planner<'s, '_> {
         })
     }
 
-    /// The weather of a collection set as an experiment sees it: the set's own, or the scene's, with the experiment's
-    /// fields in place of single ones.
-    fn weather(&self, collect: usize, experiment: &Experiment) -> Weather {
-        let base = match self.scene.collects[collect].weather {
-            Some(named) => self.scene.weathers.get(named),
-            None => self.scene.weathers.iter().find(|weather| weather.name.is_none()),
-        };
-        let weather = base.cloned().unwrap_or_default();
-        experiment.weather.as_ref().map_or(weather.clone(), |over| weather.overridden(over))
-    }
-
-    /// The models that an experiment uses of materials (with their index).
-    fn model_uses<'m>(scene: &'m Scene, experiment: &Experiment) -> Vec<(Option<usize>, &'m ModelUse)> {
-        (experiment.models.iter().enumerate())
-            .filter_map(|(m, chosen)| chosen.map(|i| (Some(m), &scene.materials[m].models[i])))
-            .filter(|(m, _)| m.is_none_or(|m| scene.materials[m].used))
-            .collect()
-    }
-
     /// A detector's spectra: their values and the bands that they must cover.
     fn check_detector(&mut self, sensor: &Sensor, bands: &[Band]) {
         let Some(use_) = &sensor.ccd else { return };
@@ -706,67 +583,6 @@ impl<'s> Planner<'s, '_> {
             self.diagnostics.push(fault);
         }
         None
-    }
-
-    /// Spectra that do not cover a band they are used in.
-    fn cover(&mut self, uses: &[(Option<usize>, &ModelUse)], bands: &[Band]) {
-        let scene = self.scene;
-        for (material, use_) in uses.iter().copied() {
-            for (name, value) in use_.args.iter() {
-                let place = use_.param_spans.get(name).copied().or(use_.span);
-                let place = match (name, material) {
-                    ("reflectance", Some(m)) => scene.materials[m].spans.get("reflectance").copied().or(place),
-                    _ => place,
-                };
-                let Some(place) = place else { continue };
-                let Value::Spectrum(value) = value else { continue };
-                self.cover_value(value, bands, place, name, "M04");
-            }
-        }
-        for material in scene.materials.iter().filter(|material| material.used) {
-            if let Some(value) = &material.emission {
-                let place = material.spans.get("emission").copied().unwrap_or(material.span);
-                self.cover_value(value, bands, place, "emission", "M04");
-            }
-        }
-    }
-
-    fn cover_value(
-        &mut self,
-        value: &SpectralValue,
-        bands: &[Band],
-        place: sunglint_dsl::Span,
-        name: &str,
-        code: &'static str,
-    ) {
-        for band in bands {
-            let (lower, upper) = band.support();
-            let message = match value {
-                SpectralValue::Constant(_) => continue,
-                SpectralValue::Curve(curve) if curve.covers(lower, upper) => continue,
-                SpectralValue::Curve(curve) => {
-                    let (first, last) = curve.domain();
-                    let gap = |a: f64, b: f64| format!("{:.0}..{:.0} nm", a * 1e3, b * 1e3);
-                    let gaps: Vec<String> = [(lower, first.min(upper)), (last.max(lower), upper)]
-                        .into_iter()
-                        .filter(|(a, b)| b > a)
-                        .map(|(a, b)| gap(a, b))
-                        .collect();
-                    format!("`{name}` does not cover band `{}`: it lacks {}", band.name, gaps.join(" and "))
-                }
-                SpectralValue::PerBand(values) if values.iter().any(|(name, _)| *name == band.name) => continue,
-                SpectralValue::PerBand(_) => format!("`{name}` has no value for band `{}`", band.name),
-            };
-            let help = match value {
-                SpectralValue::PerBand(_) if code == "V03" => "give a value for every band of the sensor",
-                SpectralValue::PerBand(_) => "give a value for every band in which it is used",
-                _ => "widen the table, or say `extrapolate hold` behind it",
-            };
-            let known = self.diagnostics.iter().any(|d| d.span == Some(place) && d.message == message);
-            if !known {
-                self.diagnostics.push(Diagnostic::error(code, place, message).help(help));
-            }
-        }
     }
 
     /// Binds a model to a grid; a refusal points at the parameter.
@@ -831,124 +647,6 @@ impl<'s> Planner<'s, '_> {
         complete.then(|| Scenery { world: world.clone(), surfaces })
     }
 
-    /// Weather fields that the atmosphere does not use.
-    fn check_weather(&mut self, provider: &dyn Atmosphere, use_: &ModelUse, moments: &[(Moment, Air)]) -> Vec<Skip> {
-        let mut told = Vec::new();
-        let mut skips: Vec<Skip> = Vec::new();
-        for (_, Air { weather, .. }) in moments {
-            for (field, span) in &weather.spans {
-                let known = *field == "aerosol" && weather.aerosol.as_deref() == Some("rural");
-                if provider.uses().contains(field) || known || told.contains(span) {
-                    continue;
-                }
-                told.push(*span);
-                let skip = Skip {
-                    what: format!("`{field}` of the weather"),
-                    why: format!("the atmosphere `{}` does not use it", use_.name),
-                };
-                if !skips.contains(&skip) {
-                    skips.push(skip);
-                }
-                let diagnostic =
-                    Diagnostic::warning("A01", *span, format!("the atmosphere `{}` does not use `{field}`", use_.name))
-                        .help(match provider.uses() {
-                            [] => format!("`{}` uses no field of the weather", use_.name),
-                            uses => format!("`{}` uses {}", use_.name, uses.join(", ")),
-                        });
-                if !self.diagnostics.contains(&diagnostic) {
-                    self.diagnostics.push(diagnostic);
-                }
-            }
-        }
-        skips
-    }
-
-    #[allow(clippy::too_many_arguments)]
-    fn light(
-        &mut self,
-        experiment: &Experiment,
-        provider: &dyn Atmosphere,
-        moments: &[(Moment, Air)],
-        grid: &SpectralGrid,
-        needs: &Needs,
-        albedo: &[f64],
-        solved: &mut Solved,
-    ) -> Option<(Vec<Arc<Illumination>>, usize)> {
-        let use_ = &experiment.atmosphere;
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(format!("{} {:?} {needs:?} {grid:?}", use_.name, use_.args).as_bytes());
-        let provider_key = hasher.finalize().to_hex().to_string();
-        // Without a sun the column is solved for one below the horizon.
-        let below = Sun::at(std::f64::consts::PI, 0.0);
-        // Times under one column are solved in one call; what another run has solved is not solved again.
-        let mut columns_met: Vec<(Column, String)> = Vec::new();
-        let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
-        let mut keys = Vec::new();
-        for (i, (moment, air)) in moments.iter().enumerate() {
-            let column = self.column(air, albedo);
-            let met = columns_met.iter().position(|(known, _)| *known == column).unwrap_or_else(|| {
-                let key = format!("{provider_key} {column:?}");
-                columns_met.push((column, key));
-                columns_met.len() - 1
-            });
-            keys.push(format!("{} {:?}", columns_met[met].1, moment.sun));
-            if solved.skies.contains_key(&keys[i]) {
-                solved.shared += 1;
-                continue;
-            }
-            match groups.iter_mut().find(|(known, _)| *known == met) {
-                Some((_, members)) => members.push(i),
-                None => groups.push((met, vec![i])),
-            }
-        }
-        let columns = groups.len();
-        for (met, members) in groups {
-            let column = &columns_met[met].0;
-            let suns: Vec<Sun> = members.iter().map(|i| moments[*i].0.sun.unwrap_or(below)).collect();
-            match provider.solve(column, &suns, grid, needs) {
-                Ok(skies) => {
-                    for (i, sky) in members.iter().zip(skies) {
-                        let light = Illumination::new(sky, moments[*i].0.sun.as_ref());
-                        solved.skies.insert(keys[*i].clone(), Arc::new(light));
-                    }
-                }
-                Err(error) => {
-                    let message = format!("atmosphere `{}`: {error}", use_.name);
-                    let diagnostic = match use_.span {
-                        Some(span) => Diagnostic::error(error.code, span, message),
-                        None => Diagnostic::whole(error.code, message),
-                    };
-                    if !self.diagnostics.contains(&diagnostic) {
-                        self.diagnostics.push(diagnostic);
-                    }
-                    return None;
-                }
-            }
-        }
-        Some((keys.iter().map(|key| solved.skies[key].clone()).collect(), columns))
-    }
-
-    fn column(&self, air: &Air, albedo: &[f64]) -> Column {
-        let weather = &air.weather;
-        let cloud =
-            |cloud: &scene::Cloud| Cloud { optical_depth: cloud.optical_depth, base: cloud.base, top: cloud.top };
-        Column {
-            profile: air.profile().into(),
-            sounding: air.sounding.clone(),
-            clouds: weather.clouds.iter().map(cloud).collect(),
-            elevation: self.scene.site.map_or(0.0, |site| site.elevation),
-            pressure: weather.pressure,
-            temperature: weather.temperature,
-            humidity: weather.humidity,
-            water: weather.water,
-            ozone: weather.ozone,
-            no2: weather.no2,
-            visibility: weather.visibility,
-            aod: weather.aod,
-            ground_albedo: albedo.to_vec(),
-        }
-    }
-
     /// Hash of everything that the frames of a run depend on: the program, every file, the options, the run's names.
     fn key(
         &self,
@@ -977,36 +675,12 @@ impl<'s> Planner<'s, '_> {
     }
 }
 
-/// What of a selection names nothing.
-fn unknown(kind: &str, wanted: &[String], known: &[&str], is: impl Fn(&str, &str) -> bool) -> Vec<Diagnostic> {
-    (wanted.iter())
-        .filter(|wanted| !known.iter().any(|name| is(wanted, name)))
-        .map(|wanted| {
-            let near = nearest(wanted, known.iter().copied()).map_or(String::new(), |near| format!("`{near}`? "));
-            let message = match kind {
-                "time" => format!("no frame of the selection is at time `{wanted}`"),
-                kind => format!("no {kind} of the scene is called `{wanted}`"),
-            };
-            Diagnostic::whole("X01", message).help(format!("{near}there are {}", list(known.iter().copied())))
-        })
-        .collect()
-}
-
 /// Names by code of the materials in use, ascending.
 fn material_codes(scene: &Scene) -> Vec<(u16, String)> {
     let mut codes: Vec<(u16, String)> =
         scene.materials.iter().filter(|material| material.used).map(|m| (m.code, m.name.clone())).collect();
     codes.sort();
     codes
-}
-
-/// Skies that were solved, by everything that they depend on, so that runs share them.
-#[derive(Default)]
-struct Solved {
-    skies: HashMap<String, Arc<Illumination>>,
-    /// Surfaces by model, arguments and grid.
-    surfaces: HashMap<blake3::Hash, Arc<dyn Bsdf>>,
-    shared: usize,
 }
 
 /// Frames of several collection sets may fall on one label: the set's name tells them apart.
@@ -1019,178 +693,4 @@ fn make_labels_unique(scene: &Scene, moments: &mut [(Moment, Air)]) {
             moment.label = format!("{}_{name}", labels[i]);
         }
     }
-}
-
-/// Duration of a scan, and how far the sun moves in it: it is lit as at its first line throughout.
-fn scan_note(scene: &Scene, sensor: &Sensor, moments: &[(Moment, Air)]) -> Option<String> {
-    let flight = sensor.flight?;
-    let lines = f64::from(sensor.pixels.1);
-    let (seconds, metres) = (lines / flight.line_rate, lines * flight.speed / flight.line_rate);
-    let moves = |(moment, air): &(Moment, Air)| {
-        let (site, utc) = (scene.site.as_ref()?, moment.utc?);
-        let (pressure, temperature) = air.at_site(utc);
-        let at = |t: f64| times::sun_at(site, scene::Utc(t), pressure, temperature).ok();
-        Some(at(utc.0)?.apparent.angle_to(at(utc.0 + seconds)?.apparent).to_degrees())
-    };
-    let most =
-        moments.iter().filter_map(moves).fold(None, |most: Option<f64>, angle| Some(most.unwrap_or(0.0).max(angle)));
-    let moved = most.map_or(String::new(), |angle| format!("; the sun moves by {angle:.3} deg meanwhile"));
-    Some(format!(
-        "scan: {lines} lines over {metres:.1} m in {seconds:.2} s, lit by sun and sky of the first line throughout{moved}"
-    ))
-}
-
-/// The map that an image is, if its sensor looks straight down: of the level plane at the height of what it looks at, else
-/// of the ground, else of what its middle meets.
-fn map_of(scene: &Scene, sensor: &Sensor, camera: &dyn Camera, world: &World) -> Option<MapProjection> {
-    let height = match sensor.pose {
-        scene::SensorPose::LookAt { look_at, .. } | scene::SensorPose::Target { look_at, .. } => Some(look_at.z),
-        scene::SensorPose::Attitude { .. } => None,
-    };
-    let met = || {
-        let (w, h) = camera.pixels();
-        let middle = camera.ray(0.5 * f64::from(w), 0.5 * f64::from(h));
-        world.closest(&sunglint_geometry::Ray::new(middle.origin, middle.direction)).map(|hit| hit.point.z)
-    };
-    let height = height.or(world.ground().map(|ground| ground.height)).or_else(met).unwrap_or(0.0);
-    let ground = camera.ground(height)?;
-    Some(MapProjection::new(&ground, scene.site.as_ref(), scene.crs.as_ref()))
-}
-
-fn corners_of(args: &Args) -> Vec<Vec<f64>> {
-    args.iter()
-        .filter_map(|(_, value)| match value {
-            Value::Spectrum(value) => Some(grid::corners(value)),
-            Value::Table(table) => match &table.key {
-                TableKey::Wavelength(wavelengths) => {
-                    let mut nodes = wavelengths.clone();
-                    nodes.sort_by(f64::total_cmp);
-                    nodes.dedup();
-                    Some(nodes)
-                }
-                _ => None,
-            },
-            _ => None,
-        })
-        .collect()
-}
-
-fn is_per_band(args: &Args) -> bool {
-    args.iter().any(|(_, value)| match value {
-        Value::Spectrum(SpectralValue::PerBand(_)) => true,
-        Value::Table(table) => matches!(table.key, TableKey::Band(_)),
-        _ => false,
-    })
-}
-
-/// The albedo that the atmosphere sees: the ground's, or without one the area-weighted mean of the facets that face up.
-/// Bihemispherical, 2 ∫ ρ(θ) cos θ sin θ dθ, by the midpoints of equal steps of sin² θ.
-fn ground_albedo(scene: &Scene, world: &World, scenery: &Scenery, n: usize) -> Vec<f64> {
-    const STEPS: usize = 16;
-    let mut rho = vec![0.0; n];
-    let mut of_material = |material: MaterialId| {
-        let mut albedo = vec![0.0; n];
-        for i in 0..STEPS {
-            let theta = ((i as f64 + 0.5) / STEPS as f64).sqrt().asin();
-            scenery.surface(material).bsdf.albedo(LocalDir::from_polar(theta, 0.0), &mut rho);
-            albedo.iter_mut().zip(&rho).for_each(|(sum, rho)| *sum += rho / STEPS as f64);
-        }
-        albedo
-    };
-    if let Some(ground) = scene.ground {
-        return of_material(MaterialId(ground.material as u32));
-    }
-    let mut areas: BTreeMap<u32, f64> = BTreeMap::new();
-    for id in 0..world.facet_count() as u32 {
-        let facet = world.facet(FacetId(id));
-        if facet.normal.z > 0.0 {
-            *areas.entry(facet.material.0).or_default() += facet.area * facet.normal.z;
-        }
-    }
-    let total: f64 = areas.values().sum();
-    let mut albedo = vec![0.0; n];
-    for (material, area) in areas.into_iter().filter(|_| total > 0.0) {
-        let own = of_material(MaterialId(material));
-        albedo.iter_mut().zip(&own).for_each(|(sum, own)| *sum += own * area / total);
-    }
-    albedo
-}
-
-fn scene_skips(scene: &Scene, unopened: &[String], world: &World) -> Vec<Skip> {
-    let mut skips = Vec::new();
-    for material in scene.materials.iter().filter(|material| !material.used) {
-        skips.push(Skip {
-            what: format!("material `{}`", material.name),
-            why: "no facet refers to it; its files were not opened".into(),
-        });
-    }
-    for object in unopened {
-        skips.push(Skip {
-            what: format!("object `{object}`"),
-            why: "nothing places it; its meshes were not opened".into(),
-        });
-    }
-    if world.ground().is_none() {
-        skips.push(Skip {
-            what: "lines of sight below the horizon that meet no facet".into(),
-            why: "the scene has no `ground`: they find black".into(),
-        });
-    }
-    skips
-}
-
-fn run_skips(
-    algorithm: &dyn Algorithm,
-    scenery: &Scenery,
-    bands: &[Band],
-    grid: &SpectralGrid,
-    light: &[Arc<Illumination>],
-) -> Vec<Skip> {
-    let mut skips: Vec<Skip> = (algorithm.skips(scenery).into_iter())
-        .map(|line| match line.split_once(": ") {
-            Some((what, why)) => Skip { what: what.into(), why: why.into() },
-            None => Skip { what: line, why: String::new() },
-        })
-        .collect();
-    let span = |f: fn(f64, f64) -> f64, start: f64, pick: fn(&Band) -> f64| bands.iter().map(pick).fold(start, f);
-    let (lower, upper) = (span(f64::min, f64::INFINITY, |b| b.support().0), span(f64::max, 0.0, |b| b.support().1));
-    let covered: f64 = grid.bins().iter().map(|bin| bin.width()).sum();
-    skips.push(Skip {
-        what: format!(
-            "wavelengths below {:.0} nm, above {:.0} nm{}",
-            lower * 1e3,
-            upper * 1e3,
-            if covered < upper - lower - 1e-9 { " and between the bands" } else { "" }
-        ),
-        why: format!("no band responds there; {} grid entries remain", grid.len()),
-    });
-    let dark = light.iter().filter(|time| time.is_dark()).count();
-    if dark > 0 {
-        skips.push(Skip {
-            what: format!("sun and sky at {dark} of {} times", light.len()),
-            why: "the sun is below the horizon".into(),
-        });
-    }
-    skips.push(Skip {
-        what: "sun rays from surfaces that are turned away from the sun, or with nothing between them and it".into(),
-        why: "proved per block of 8 x 8 pixels and facet; the manifest counts them".into(),
-    });
-    let black =
-        scenery.surfaces.iter().flatten().filter(|surface| !surface.has_diffuse && !surface.has_specular).count();
-    if black > 0 {
-        skips.push(Skip {
-            what: "light that black surfaces return".into(),
-            why: format!("{black} materials reflect nothing"),
-        });
-    }
-    let world = &scenery.world;
-    let n = world.facet_count().min(100_000) as u32;
-    let open = (0..n).filter(|id| world.is_open(FacetId(*id), true)).count();
-    if open > 0 {
-        skips.push(Skip {
-            what: format!("view-factor rays on {open} of {} facets", world.facet_count()),
-            why: "nothing but the ground rises above their plane: F = (1 + cos β)/2".into(),
-        });
-    }
-    skips
 }
