@@ -1,7 +1,7 @@
 //! Every term of one pixel.
 
 use serde_json::{Map, Value, json};
-use sunglint_geometry::{Hit, Ray};
+use sunglint_geometry::{FacetId, Hit, Ray};
 use sunglint_radiometry::{STUDENT_T_95, WorldDir};
 use sunglint_tracer::{Accuracy, PixelTerms, Term, View, render_pixel_terms};
 
@@ -164,7 +164,7 @@ impl Explanation {
                 "material": found.material,
                 "material_code": found.code,
                 "object": found.object,
-                "facet": found.hit.facet.0,
+                "facet": facet(&found.hit),
                 "x_m": p.x,
                 "y_m": p.y,
                 "z_m": p.z,
@@ -185,6 +185,11 @@ impl Explanation {
     }
 }
 
+/// Index of the facet that was met; the endless ground is none.
+fn facet(hit: &Hit) -> Option<u32> {
+    (hit.facet != FacetId::GROUND).then_some(hit.facet.0)
+}
+
 fn tilt(hit: &Hit) -> f64 {
     WorldDir::from_unit(hit.normal).zenith()
 }
@@ -199,10 +204,11 @@ impl std::fmt::Display for Explanation {
         match &self.hit {
             Some(found) => {
                 let p = found.hit.point;
+                let facet = facet(&found.hit).map_or(String::new(), |facet| format!("facet {facet}, "));
                 writeln!(
                     f,
-                    "  meets {} (code {}) of {}, facet {}, at ({:.3} {:.3} {:.3}) m, {:.3} m away",
-                    found.material, found.code, found.object, found.hit.facet.0, p.x, p.y, p.z, found.hit.t
+                    "  meets {} (code {}) of {}, {facet}at ({:.3} {:.3} {:.3}) m, {:.3} m away",
+                    found.material, found.code, found.object, p.x, p.y, p.z, found.hit.t
                 )?;
                 writeln!(
                     f,

@@ -197,7 +197,9 @@ impl<'a> Checker<'a> {
             return;
         };
         if exposure * rate > 1.0 + 1e-9 {
-            let each = super::value::written(1e3 / rate);
+            // Rounded down, so that what is proposed fits.
+            let digits = 10f64.powf(2.0 - (1e3 / rate).log10().floor());
+            let each = super::value::written((1e3 / rate * digits * (1.0 + 1e-12)).floor() / digits);
             let message = format!(
                 "an exposure of {} ms outlasts the {each} ms in which this scanner reads a pixel",
                 super::value::written(exposure * 1e3)
