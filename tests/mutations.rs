@@ -197,6 +197,10 @@ fn placements(shapes: &[Shape], objects: &[Object]) -> usize {
         Shape::Place { object, poses, .. } => {
             poses.len().saturating_mul(1 + placements(&objects[*object].shapes, objects))
         }
+        Shape::Scatter(scatter) => {
+            let members = usize::try_from(scatter.count).unwrap_or(usize::MAX);
+            members.saturating_mul(1 + placements(&objects[scatter.object].shapes, objects))
+        }
         _ => 0,
     };
     shapes.iter().map(of).fold(0, usize::saturating_add)
