@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use sunglint_plugin::Args;
 use sunglint_radiometry::WorldDir;
 
 use crate::AtmosphereError;
@@ -46,6 +47,8 @@ pub struct Column {
     pub visibility: Option<f64>,
     /// Aerosol optical depth at 550 nm.
     pub aod: Option<f64>,
+    /// Aerosol model and its arguments; `None` is `rural`.
+    pub aerosol: Option<(String, Args)>,
     /// Albedo A of the ground that the atmosphere sees, one value per grid entry; 0 where `adjacency off`.
     pub ground_albedo: Vec<f64>,
 }

@@ -1,12 +1,15 @@
 //! Atmospheres behind one trait, one provider a file, and the position of the sun.
 
+mod aerosol;
 mod column;
 mod coverage;
 mod embedded;
 mod haze;
 mod interpolation;
 mod measured;
+mod medium;
 mod none;
+mod phase;
 mod profile;
 mod quadrature;
 mod sightline;
@@ -18,6 +21,7 @@ mod sun;
 mod table;
 mod vertical;
 
+pub use aerosol::{AEROSOLS, Aerosol, AerosolOptics};
 pub use column::{Cloud, Column, Sun};
 pub use profile::{Level, Profile};
 pub use sky::{Needs, Path, SkyState};

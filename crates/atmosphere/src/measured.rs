@@ -733,6 +733,7 @@ mod tests {
             no2: None,
             visibility: None,
             aod: None,
+            aerosol: None,
             ground_albedo: vec![0.0; 2],
         };
         measured.solve(&column, &[sun], &grid(), &Needs::default()).unwrap().remove(0)

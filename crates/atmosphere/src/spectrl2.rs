@@ -565,6 +565,7 @@ mod tests {
             no2: None,
             visibility: None,
             aod: None,
+            aerosol: None,
             ground_albedo: vec![albedo; grid.len()],
         }
     }

@@ -43,6 +43,7 @@ fn column() -> Column {
         no2: None,
         visibility: None,
         aod: None,
+        aerosol: None,
         ground_albedo: vec![0.0; grid().len()],
     }
 }

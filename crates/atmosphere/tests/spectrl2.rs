@@ -94,6 +94,7 @@ fn column(grid: &SpectralGrid) -> Column {
         no2: None,
         visibility: None,
         aod: None,
+        aerosol: None,
         ground_albedo: vec![0.2; grid.len()],
     }
 }
@@ -146,6 +147,7 @@ fn no_air_and_no_sun_makes_light_or_nonsense() {
             no2: None,
             visibility: draw.maybe(1.0, 13.0).map(|e| 50.0 * e.exp()), // 136 m to 22 000 km
             aod: draw.maybe(0.0, 3.0),
+            aerosol: None,
             ground_albedo: vec![albedo; grid.len()],
         };
         let mut suns: Vec<Sun> = (0..4).map(|_| Sun::at(draw.within(0.0, 2.0), draw.within(0.0, 6.2))).collect();

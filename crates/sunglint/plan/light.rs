@@ -146,6 +146,7 @@ impl Planner<'_, '_> {
             no2: weather.no2,
             visibility: weather.visibility,
             aod: weather.aod,
+            aerosol: None,
             ground_albedo: albedo.to_vec(),
         }
     }
