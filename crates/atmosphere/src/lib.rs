@@ -12,6 +12,7 @@ mod none;
 mod phase;
 mod profile;
 mod quadrature;
+mod radiance;
 mod ray;
 mod sightline;
 mod sky;
