@@ -1,22 +1,27 @@
 //! Atmospheres behind one trait, one provider a file, and the position of the sun.
 
 mod aerosol;
+mod cloud;
 mod column;
 mod coverage;
 mod embedded;
+mod gas;
 mod haze;
 mod interpolation;
+mod kdistribution;
 mod measured;
 mod medium;
 mod none;
 mod phase;
 mod profile;
 mod quadrature;
+mod rayleigh;
 mod sightline;
 mod sky;
 mod sky_shape;
 mod sounding;
 mod spectrl2;
+mod strata;
 mod sun;
 mod table;
 mod vertical;
