@@ -139,8 +139,10 @@ pub(crate) struct Amounts {
     pub water_foreign: f64,
     /// \[atm-cm\]
     pub ozone: f64,
-    /// Column, shared among the two temperatures of its table \[cm⁻²\].
-    pub nitrogen_dioxide: [f64; 2],
+    /// \[cm⁻²\]
+    pub nitrogen_dioxide: f64,
+    /// ∫ n (T−220)/74 dz, T within the table's 220 and 294 K \[cm⁻²\].
+    pub nitrogen_dioxide_warm: f64,
     /// ∫ n_O₂² dz \[cm⁻⁵\].
     pub oxygen_pairs: f64,
 }
@@ -148,8 +150,15 @@ pub(crate) struct Amounts {
 impl Amounts {
     /// The absorbers that obey Beer's law.
     fn smooth(&self) -> [f64; 7] {
-        let [cold, warm] = self.nitrogen_dioxide;
-        [self.water_self, self.water_self_cold, self.water_foreign, self.ozone, cold, warm, self.oxygen_pairs]
+        [
+            self.water_self,
+            self.water_self_cold,
+            self.water_foreign,
+            self.ozone,
+            self.nitrogen_dioxide,
+            self.nitrogen_dioxide_warm,
+            self.oxygen_pairs,
+        ]
     }
 }
 
@@ -251,7 +260,7 @@ fn smooth(lower: f64, upper: f64) -> [f64; 7] {
     }
     let [at_296, colder, foreign, ozone] = means;
     let [cold, warm] = [0, 1].map(|i| NITROGEN_DIOXIDE[i].integral(lower, upper) / (upper - lower));
-    [at_296 - 2.0 * colder, colder, foreign, ozone, cold, warm, oxygen_pairs(lower, upper)]
+    [at_296 - 2.0 * colder, colder, foreign, ozone, cold, warm - cold, oxygen_pairs(lower, upper)]
 }
 
 #[cfg(test)]

@@ -59,6 +59,14 @@ pub(crate) struct Terms {
 const MOST: usize = 8;
 /// Values of W at which the sum is held against the model.
 const POINTS: usize = 40;
+/// Rounds of Lawson's weights.
+const ROUNDS: usize = 12;
+/// The least squares are settled where a step takes less than this share off their sum.
+const SETTLED: f64 = 3e-3;
+/// Least squares that miss by more than this many tolerances are not worth Lawson's rounds.
+const HOPELESS: f64 = 3.0;
+/// Between the points of W the sum may miss a little more than at them.
+const MARGIN: f64 = 0.93;
 
 /// The fewest terms that miss no target by more than `tolerance`, for W from 0 to `w_max`.
 pub(crate) fn terms(targets: &[Target; 2], w_max: f64, tolerance: f64) -> Terms {
@@ -81,12 +89,12 @@ pub(crate) fn terms(targets: &[Target; 2], w_max: f64, tolerance: f64) -> Terms 
     let mut best: Option<(f64, Fit)> = None;
     for n in start..=MOST {
         let mut fit = Fit::begin(targets, n, w_max, lost);
-        let error = fit.refine(&w, &due, tolerance);
+        let error = fit.refine(&w, &due, MARGIN * tolerance);
         let better = best.as_ref().is_none_or(|(least, _)| error < *least);
         if better {
             best = Some((error, fit));
         }
-        if error <= tolerance {
+        if error <= MARGIN * tolerance {
             break;
         }
     }
@@ -141,18 +149,17 @@ impl Fit {
     fn refine(&mut self, w: &[f64], due: &[Vec<f64>; 2], tolerance: f64) -> f64 {
         let mut u = vec![1.0; 2 * w.len()];
         let (mut best, mut least) = (self.clone(), f64::INFINITY);
-        for round in 0..8 {
-            self.least_squares(w, due, &u, if round == 0 { 25 } else { 4 });
-            let misses = self.misses(w, due);
+        for round in 0..ROUNDS {
+            let misses = self.least_squares(w, due, &u, if round == 0 { 20 } else { 3 });
             let largest = misses.iter().fold(0.0f64, |top, r| top.max(r.abs()));
             if largest < least {
                 (least, best) = (largest, self.clone());
             }
             // Far from the goal more terms are cheaper than more rounds.
-            if least <= 0.9 * tolerance || round == 0 && least > 4.0 * tolerance {
+            if least <= tolerance || round == 0 && least > HOPELESS * tolerance {
                 break;
             }
-            u.iter_mut().zip(&misses).for_each(|(u, r)| *u *= r.abs() / largest + 0.05);
+            u.iter_mut().zip(&misses).for_each(|(u, r)| *u *= r.abs() / largest + 0.02);
             let total: f64 = u.iter().sum();
             u.iter_mut().for_each(|u| *u *= (2 * w.len()) as f64 / total);
         }
@@ -160,27 +167,29 @@ impl Fit {
         least
     }
 
-    fn misses(&self, w: &[f64], due: &[Vec<f64>; 2]) -> Vec<f64> {
+    /// e^(−k_g W) of both nodes and all W, term by term, and by how much their sums miss.
+    fn evaluate(&self, w: &[f64], due: &[Vec<f64>; 2]) -> (Vec<f64>, Vec<f64>) {
         let weights = self.weights();
-        let mut out = Vec::with_capacity(2 * w.len());
+        let (mut terms, mut misses) = (Vec::with_capacity(2 * w.len() * self.n), Vec::with_capacity(2 * w.len()));
         for (node, due) in due.iter().enumerate() {
             let k: Vec<f64> = self.k(node).collect();
-            out.extend(
-                w.iter()
-                    .zip(due)
-                    .map(|(w, due)| weights.iter().zip(&k).map(|(share, k)| share * (-k * w).exp()).sum::<f64>() - due),
-            );
+            for (w, due) in w.iter().zip(due) {
+                let from = terms.len();
+                terms.extend(k.iter().map(|k| (-k * w).exp()));
+                misses.push(terms[from..].iter().zip(&weights).map(|(term, share)| term * share).sum::<f64>() - due);
+            }
         }
-        out
+        (terms, misses)
     }
 
-    fn least_squares(&mut self, w: &[f64], due: &[Vec<f64>; 2], u: &[f64], rounds: usize) {
+    fn least_squares(&mut self, w: &[f64], due: &[Vec<f64>; 2], u: &[f64], rounds: usize) -> Vec<f64> {
         let size = self.parameters.len();
-        let cost = |fit: &Self| -> f64 { fit.misses(w, due).iter().zip(u).map(|(r, u)| u * r * r).sum() };
-        let mut now = cost(self);
+        let cost = |misses: &[f64]| -> f64 { misses.iter().zip(u).map(|(r, u)| u * r * r).sum() };
+        let (mut terms, mut misses) = self.evaluate(w, due);
+        let mut now = cost(&misses);
         let mut damping = 1e-3;
         for _ in 0..rounds {
-            let (normal, gradient) = self.normal_equations(w, due, u);
+            let (normal, gradient) = self.normal_equations(w, &terms, &misses, u);
             let before = now;
             for _ in 0..6 {
                 let mut damped = normal.clone();
@@ -188,48 +197,49 @@ impl Fit {
                 let mut trial = self.clone();
                 if let Some(step) = solve(damped, &gradient) {
                     trial.parameters.iter_mut().zip(step).for_each(|(p, step)| *p -= step.clamp(-1.5, 1.5));
-                    let then = cost(&trial);
+                    let (new_terms, new_misses) = trial.evaluate(w, due);
+                    let then = cost(&new_misses);
                     if then < now {
-                        (*self, now) = (trial, then);
+                        (*self, now, terms, misses) = (trial, then, new_terms, new_misses);
                         damping = (0.2 * damping).max(1e-10);
                         break;
                     }
                 }
                 damping *= 6.0;
             }
-            if now >= before * (1.0 - 1e-3) {
+            if now >= before * (1.0 - SETTLED) {
                 break;
             }
         }
+        misses
     }
 
-    /// JᵀuJ and Jᵀur.
-    fn normal_equations(&self, w: &[f64], due: &[Vec<f64>; 2], u: &[f64]) -> (Vec<f64>, Vec<f64>) {
+    /// JᵀuJ, its lower half, and Jᵀur.
+    fn normal_equations(&self, w: &[f64], terms: &[f64], misses: &[f64], u: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let (n, size) = (self.n, self.parameters.len());
         let weights = self.weights();
         let (mut normal, mut gradient) = (vec![0.0; size * size], vec![0.0; size]);
         // Row of J: v of all terms but the last, then κ of this node.
         let mut row = vec![0.0; 2 * n - 1];
-        for (node, due) in due.iter().enumerate() {
+        for node in 0..2 {
             let k: Vec<f64> = self.k(node).collect();
             let place = |i: usize| if i < n - 1 { i } else { i + node * n };
-            for (j, (w, due)) in w.iter().zip(due).enumerate() {
-                let sum: f64 = (0..n)
-                    .map(|g| {
-                        let term = (-k[g] * w).exp();
-                        row[n - 1 + g] = -weights[g] * k[g] * w * term;
-                        if g + 1 < n {
-                            row[g] = term;
-                        }
-                        weights[g] * term
-                    })
-                    .sum();
-                (0..n - 1).for_each(|g| row[g] = weights[g] * (row[g] - sum));
-                let u = u[node * POINTS + j];
+            for (j, w) in w.iter().enumerate() {
+                let at = node * POINTS + j;
+                let term = &terms[at * n..(at + 1) * n];
+                let sum: f64 = term.iter().zip(&weights).map(|(term, share)| term * share).sum();
+                for g in 0..n {
+                    row[n - 1 + g] = -weights[g] * k[g] * w * term[g];
+                    if g + 1 < n {
+                        row[g] = weights[g] * (term[g] - sum);
+                    }
+                }
                 for a in 0..row.len() {
-                    gradient[place(a)] += u * row[a] * (sum - due);
-                    for b in 0..=a {
-                        normal[place(a) * size + place(b)] += u * row[a] * row[b];
+                    let scaled = u[at] * row[a];
+                    gradient[place(a)] += scaled * misses[at];
+                    let line = place(a) * size;
+                    for (b, value) in row[..=a].iter().enumerate() {
+                        normal[line + place(b)] += scaled * value;
                     }
                 }
             }

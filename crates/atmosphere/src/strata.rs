@@ -304,10 +304,8 @@ fn gases(air: &Profile, elevation: f64, heights: &[f64], column: &Column, notes:
     let (_, own) = air.vertical(elevation, nitrogen_dioxide);
     let scale = column.no2.map_or(1.0, |no2| no2.max(0.0) * LOSCHMIDT / own);
     notes.push(format!("nitrogen dioxide: {:.3} DU", 1e3 * own * scale / LOSCHMIDT));
-    let no2 = [
-        spread(&|level| scale * nitrogen_dioxide(level) * (1.0 - warm(level))),
-        spread(&|level| scale * nitrogen_dioxide(level) * warm(level)),
-    ];
+    let no2 = spread(&|level| scale * nitrogen_dioxide(level));
+    let no2_warm = spread(&|level| scale * nitrogen_dioxide(level) * warm(level));
     (0..heights.len() - 1)
         .map(|i| Amounts {
             water: std::array::from_fn(|band| water[band][i]),
@@ -316,7 +314,8 @@ fn gases(air: &Profile, elevation: f64, heights: &[f64], column: &Column, notes:
             water_self_cold: water_self_cold[i],
             water_foreign: water_foreign[i],
             ozone: ozone[i],
-            nitrogen_dioxide: [no2[0][i], no2[1][i]],
+            nitrogen_dioxide: no2[i],
+            nitrogen_dioxide_warm: no2_warm[i],
             oxygen_pairs: oxygen_pairs[i],
         })
         .collect()
@@ -391,4 +390,283 @@ fn clouds(column: &Column, heights: &[f64]) -> Vec<f64> {
                 .sum()
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sunglint_plugin::Value;
+    use sunglint_radiometry::Bin;
+
+    fn column() -> Column {
+        Column {
+            profile: "us_standard".to_string(),
+            sounding: None,
+            clouds: Vec::new(),
+            elevation: 0.0,
+            pressure: None,
+            temperature: None,
+            humidity: None,
+            water: None,
+            ozone: None,
+            no2: None,
+            visibility: None,
+            aod: None,
+            aerosol: None,
+            ground_albedo: Vec::new(),
+        }
+    }
+
+    /// 5 nm from 0.4 to 1 µm, with the terms of the gases.
+    fn grid() -> SpectralGrid {
+        let bins = (0..120).map(|i| Bin {
+            lower: 0.4 + 0.005 * f64::from(i),
+            upper: 0.405 + 0.005 * f64::from(i),
+            band: None,
+        });
+        SpectralGrid::with_g(bins.collect(), Vec::new(), gas::g_weights)
+    }
+
+    fn at(wavelength: f64) -> SpectralGrid {
+        SpectralGrid::from_edges(&[wavelength - 1e-6, wavelength + 1e-6])
+    }
+
+    fn total(of: impl Fn(&Amounts) -> f64, site: &Site) -> f64 {
+        site.gases.iter().map(of).sum()
+    }
+
+    fn scattered(medium: &Medium, phase: usize) -> f64 {
+        medium.layers.iter().map(|layer| layer.scattering[phase]).sum()
+    }
+
+    /// The path through every layer over its thickness for an apparent zenith angle at the ground: Bouguer's law, n r sin z = const.
+    fn slant(strata: &Strata, zenith: f64) -> Vec<f64> {
+        let n0 = 1.0 + strata.refractivity[strata.refractivity.len() - 1];
+        let c = n0 * strata.radius * zenith.sin();
+        (0..strata.heights.len() - 1)
+            .map(|i| {
+                let (top, bottom) = (strata.heights[i], strata.heights[i + 1]);
+                let (above, below) = (strata.refractivity[i].max(1e-15), strata.refractivity[i + 1].max(1e-15));
+                let steps = 200;
+                let sum: f64 = (0..steps)
+                    .map(|k| {
+                        let t = (f64::from(k) + 0.5) / f64::from(steps);
+                        let n = 1.0 + below * (above / below).powf(t);
+                        1.0 / (1.0 - (c / (n * (strata.radius + bottom + t * (top - bottom)))).powi(2)).sqrt()
+                    })
+                    .sum();
+                sum / f64::from(steps)
+            })
+            .collect()
+    }
+
+    /// Means over 5 nm of the direct beam's transmittance against LOWTRAN 7 itself, to air mass 9: at most 0.01 to air mass 2 and 0.015
+    /// beyond. O₂–O₂ and NO₂, which LOWTRAN 7 lacks here, are taken out.
+    #[test]
+    fn the_gases_transmit_what_lowtran_7_has() {
+        let grid = grid();
+        let start = std::time::Instant::now();
+        let rows: Vec<&str> = include_str!("../tests/data/lowtran7_transmittance.csv")
+            .lines()
+            .filter(|line| !line.starts_with('#'))
+            .skip(1)
+            .collect();
+        let mut worst = [[(0.0f64, 0.0, ""); 4]; 2];
+        for name in ["tropical", "midlatitude_summer", "subarctic_winter", "us_standard"] {
+            let mut site = Site::new(&Column { profile: name.to_string(), aod: Some(0.0), ..column() }).unwrap();
+            for amounts in &mut site.gases {
+                *amounts = Amounts { nitrogen_dioxide: 0.0, nitrogen_dioxide_warm: 0.0, oxygen_pairs: 0.0, ..*amounts };
+            }
+            let media = site.media(&grid).unwrap();
+            for zenith in [0.0, 60.0, 78.5, 84.3] {
+                let slant = slant(&site.strata, f64::to_radians(zenith));
+                let mut gas = vec![0.0; 120];
+                let mut all = vec![0.0; 120];
+                for (entry, medium) in grid.entries().iter().zip(&media) {
+                    let path = |of: &dyn Fn(&Layer) -> f64| -> f64 {
+                        medium.layers.iter().zip(&slant).map(|(layer, slant)| of(layer) * slant).sum()
+                    };
+                    gas[entry.bin as usize] += entry.weight * (-path(&|layer| layer.absorption)).exp();
+                    all[entry.bin as usize] += entry.weight * (-path(&Layer::extinction)).exp();
+                }
+                let listed = rows.iter().filter(|row| {
+                    let mut cells = row.split(',');
+                    cells.next().is_some_and(|cell| cell.starts_with(name))
+                        && cells.next().is_some_and(|cell| cell.parse() == Ok(zenith))
+                });
+                let mut count = 0;
+                for (i, row) in listed.enumerate() {
+                    let cell = |j: usize| row.split(',').nth(j).unwrap().parse::<f64>().unwrap();
+                    let far = usize::from(zenith > 60.0);
+                    for (k, difference) in [gas[i] - cell(8), all[i] - cell(10)].into_iter().enumerate() {
+                        if difference.abs() > worst[far][k].0.abs() {
+                            worst[far][k] = (difference, cell(2), name);
+                        }
+                    }
+                    count += 1;
+                }
+                assert_eq!(count, 120);
+            }
+        }
+        println!("{worst:?} {:?}", start.elapsed());
+        assert!(worst[0][0].0.abs() < 0.01 && worst[1][0].0.abs() < 0.015);
+    }
+
+    #[test]
+    fn layers_sum_to_the_columns() {
+        for elevation in [-400.0, 0.0, 168.0, 2500.0, 8900.0] {
+            let site = Site::new(&Column { elevation, ..column() }).unwrap();
+            let profile = Profile::named("us_standard").unwrap();
+            let rows = [
+                (site.air.iter().sum::<f64>(), profile.air(elevation).1),
+                (total(|a| a.ozone, &site), profile.ozone(elevation).1),
+            ];
+            for (sum, column) in rows {
+                // Below the lowest level its mixing ratio is held.
+                let within = if elevation < 0.0 { 1e-4 } else { 1e-10 };
+                assert!((sum / column - 1.0).abs() < within, "{elevation}: {sum} {column}");
+            }
+            assert_eq!(site.strata.heights.len(), site.air.len() + 1);
+            assert_eq!(site.strata.heights.last(), Some(&0.0));
+            assert!(site.strata.heights.windows(2).all(|pair| pair[0] > pair[1]));
+        }
+    }
+
+    /// Rayleigh and aerosol at 0.55 µm: the aerosols of all regions together have the optical depth that was asked for.
+    #[test]
+    fn optical_depth_of_the_aerosol_is_exactly_the_one_given() {
+        let angstrom = AEROSOLS.iter().find(|model| model.info.name == "angstrom").unwrap();
+        let by_numbers = Some(("angstrom".to_string(), Args::new(&angstrom.info, [])));
+        let models =
+            ["rural", "urban", "maritime", "tropospheric"].map(|name| Some((name.to_string(), Args::default())));
+        for aerosol in models.into_iter().chain([None, by_numbers]) {
+            for aod in [1e-3, 0.1, 0.5, 3.0] {
+                let said = Column { aod: Some(aod), aerosol: aerosol.clone(), elevation: 168.0, ..column() };
+                let site = Site::new(&said).unwrap();
+                let sum: f64 = site.regions.iter().flat_map(|region| &region.depth).sum();
+                assert!((sum / aod - 1.0).abs() < 1e-12, "{aerosol:?} {aod}: {sum}");
+                let regions = site.regions.iter();
+                let spectral: f64 = regions
+                    .map(|region| {
+                        region.depth.iter().sum::<f64>() * region.aerosol.optics(0.55, region.humidity).extinction
+                    })
+                    .sum();
+                assert!((spectral / aod - 1.0).abs() < 1e-9, "{spectral}");
+            }
+        }
+        let clean = Site::new(&Column { aod: Some(0.0), ..column() }).unwrap();
+        assert_eq!(clean.media(&at(0.55)).unwrap()[0].phases.len(), 1);
+    }
+
+    #[test]
+    fn an_angstrom_aerosol_has_its_exponent_and_albedo() {
+        let model = AEROSOLS.iter().find(|model| model.info.name == "angstrom").unwrap();
+        let given = [("exponent".to_string(), Value::Number(1.5))];
+        let aerosol = Some(("angstrom".to_string(), Args::new(&model.info, given)));
+        let site = Site::new(&Column { aod: Some(0.2), aerosol, ..column() }).unwrap();
+        let media = site.media(&at(0.8)).unwrap();
+        let scattered = scattered(&media[0], 1);
+        let expected = 0.93 * 0.2 * (0.799_999_4f64 / 0.55).powf(-1.5);
+        assert!((scattered / expected - 1.0).abs() < 1e-5, "{scattered} {expected}");
+    }
+
+    /// A warmer surface does not change what the air weighs, and so not its column; p' stays hydrostatic.
+    #[test]
+    fn weather_does_what_it_says_and_nothing_else() {
+        let plain = Site::new(&column()).unwrap();
+        let air = |site: &Site| site.air.iter().sum::<f64>();
+        let water = |site: &Site| total(|a| a.water[1], site);
+        let ozone = |site: &Site| total(|a| a.ozone, site);
+        let no2 = |site: &Site| total(|a| a.nitrogen_dioxide, site);
+        let with = |change: &dyn Fn(&mut Column)| {
+            let mut said = column();
+            change(&mut said);
+            Site::new(&said).unwrap()
+        };
+        let ratio = |of: &dyn Fn(&Site) -> f64, site: &Site| of(site) / of(&plain);
+
+        let deep = with(&|c| c.pressure = Some(1013.0 * 0.95));
+        assert!((ratio(&air, &deep) - 0.95).abs() < 1e-9);
+        let warm = with(&|c| c.temperature = Some(288.2 + 15.0));
+        assert!((ratio(&air, &warm) - 1.0).abs() < 2e-3, "{}", ratio(&air, &warm));
+        assert!(warm.strata.refractivity.last() < plain.strata.refractivity.last());
+        let ozonic = with(&|c| c.ozone = Some(0.3));
+        assert!((ozone(&ozonic) - 0.3).abs() < 1e-10 && (ratio(&water, &ozonic) - 1.0).abs() < 1e-12);
+        let brown = with(&|c| c.no2 = Some(1e-3));
+        assert!((no2(&brown) / LOSCHMIDT - 1e-3).abs() < 1e-12, "{}", no2(&brown) / LOSCHMIDT);
+        let wet = with(&|c| c.water = Some(3.0));
+        let profile = Profile::named("us_standard").unwrap();
+        assert!((ratio(&water, &wet) - 3.0 / profile.precipitable_water(0.0)).abs() < 1e-9);
+        let own = profile.vapour_pressure(0.0) / saturation_pressure(profile.temperature(0.0));
+        let humid = with(&|c| c.humidity = Some(1.5 * own));
+        assert!((ratio(&water, &humid) - 1.5).abs() < 1e-3, "{}", ratio(&water, &humid));
+        let soaked = with(&|c| c.humidity = Some(1.0));
+        assert!(ratio(&water, &soaked) < 1.0 / own);
+        // The AFGL column of NO₂ is 0.2 DU.
+        assert!((0.15e-3..0.25e-3).contains(&(no2(&plain) / LOSCHMIDT)), "{}", no2(&plain) / LOSCHMIDT);
+    }
+
+    /// The published vertical optical depths of O₂–O₂ over the sea, 0.005 to 0.015, and 7 % of absorption in the continuum of
+    /// water at 0.935 µm.
+    #[test]
+    fn pairs_of_oxygen_and_the_continuum_absorb_as_published() {
+        let site = Site::new(&Column { aod: Some(0.0), ..column() }).unwrap();
+        let depth = |wavelength: f64, keep: &dyn Fn(&Amounts) -> Amounts| -> f64 {
+            let bin = Bin { lower: wavelength - 1e-3, upper: wavelength + 1e-3, band: None };
+            let absorption = BinAbsorption::of(&bin);
+            site.gases.iter().map(|amounts| absorption.optical_depth(0, 0, &keep(amounts))).sum()
+        };
+        let pairs = |a: &Amounts| Amounts { oxygen_pairs: a.oxygen_pairs, ..Amounts::default() };
+        for (wavelength, low, high) in [(0.4773, 0.006, 0.01), (0.5772, 0.011, 0.016), (0.63, 0.007, 0.011)] {
+            let depth = depth(wavelength, &pairs);
+            assert!((low..high).contains(&depth), "{wavelength}: {depth}");
+        }
+        let continuum = |a: &Amounts| Amounts {
+            water_self: a.water_self,
+            water_self_cold: a.water_self_cold,
+            water_foreign: a.water_foreign,
+            ..Amounts::default()
+        };
+        let lost = 1.0 - (-depth(0.935, &continuum)).exp();
+        assert!((0.06..0.08).contains(&lost), "{lost}");
+    }
+
+    #[test]
+    fn a_cloud_lies_between_its_base_and_top_with_its_optical_depth() {
+        let cloud = crate::Cloud { optical_depth: 8.0, base: 830.0, top: 1430.0 };
+        let site = Site::new(&Column { clouds: vec![cloud], ..column() }).unwrap();
+        let medium = &site.media(&at(0.55)).unwrap()[0];
+        let of: Vec<f64> = medium.layers.iter().map(|layer| *layer.scattering.last().unwrap()).collect();
+        assert!((of.iter().sum::<f64>() / 8.0 - 1.0).abs() < 1e-4);
+        for (pair, depth) in site.strata.heights.windows(2).zip(&of) {
+            assert_eq!(*depth > 0.0, pair[0] <= 1430.0 && pair[1] >= 830.0, "{pair:?}");
+        }
+        let upside_down = crate::Cloud { base: 2000.0, ..cloud };
+        let fault = Site::new(&Column { clouds: vec![upside_down], ..column() }).err().unwrap();
+        assert_eq!(fault.code, "A01");
+    }
+
+    #[test]
+    fn what_the_tables_do_not_know_is_an_error() {
+        let code = |column: Column| Site::new(&column).err().map(|error| error.code);
+        assert_eq!(code(Column { profile: "mars".to_string(), ..column() }), Some("A01"));
+        assert_eq!(code(Column { aerosol: Some(("smoke".to_string(), Args::default())), ..column() }), Some("A01"));
+        let site = Site::new(&column()).unwrap();
+        assert_eq!(site.media(&at(1.2)).err().map(|error| error.code), Some("M04"));
+        assert_eq!(site.media(&at(0.35)).err().map(|error| error.code), Some("M04"));
+    }
+
+    #[test]
+    fn media_of_a_whole_spectrum_are_made_fast() {
+        let grid = grid();
+        let site = Site::new(&column()).unwrap();
+        site.media(&grid).unwrap();
+        let start = std::time::Instant::now();
+        let media = site.media(&grid).unwrap();
+        println!("{} entries, {} layers: {:?}", media.len(), media[0].layers.len(), start.elapsed());
+        for note in site.notes() {
+            println!("{note}");
+        }
+        assert!(media.iter().all(|medium| medium.layers.iter().all(|layer| layer.absorption >= 0.0)));
+    }
 }
