@@ -88,14 +88,37 @@ static TABLE: LazyLock<LowtranProfile> = LazyLock::new(|| {
     LowtranProfile { surface: rows[0][RANGES].to_vec(), levels }
 });
 
+/// Below this altitude \[km\] the profile is squeezed onto a site above the sea.
+const SQUEEZED: f64 = 6.0;
+
+/// The altitude in LOWTRAN's table \[km\] of a height above the site \[m\].
+pub(crate) fn table_altitude(height: f64, elevation: f64) -> f64 {
+    let (altitude, elevation) = (1e-3 * (height + elevation), 1e-3 * elevation);
+    if altitude < SQUEEZED && elevation < SQUEEZED {
+        (altitude - elevation) * SQUEEZED / (SQUEEZED - elevation)
+    } else {
+        altitude
+    }
+}
+
+/// Shares of the aerosol of the boundary layer, troposphere, stratosphere and upper air at an altitude of the table
+/// \[km\]: each has its levels there, and between the last of one and the first of the next they change over.
+pub(crate) fn shares(altitude: f64) -> [f64; 4] {
+    const CHANGES: [(f64, f64); 3] = [(2.0, 3.0), (10.0, 11.0), (30.0, 35.0)];
+    let passed = CHANGES.map(|(from, to)| ((altitude - from) / (to - from)).clamp(0.0, 1.0));
+    [1.0 - passed[0], passed[0] - passed[1], passed[1] - passed[2], passed[2]]
+}
+
 /// Extinction \[m⁻¹\] at heights above the site \[m\]. The table is entered with the extinction at the surface, which is
 /// straight in 1/V as LOWTRAN's interpolation is; below 6 km it is squeezed so that its ground is the site's.
 fn levels(surface_per_km: f64, elevation: f64) -> Vec<(f64, f64)> {
     let table = &*TABLE;
     let i = table.surface.partition_point(|s| *s <= surface_per_km).clamp(1, table.surface.len() - 1);
     let t = (surface_per_km - table.surface[i - 1]) / (table.surface[i] - table.surface[i - 1]);
-    let (elevation, top) = (1e-3 * elevation, 6.0);
-    let squeezed = |z: f64| if z < top && elevation < top { elevation + z * (top - elevation) / top } else { z };
+    let elevation = 1e-3 * elevation;
+    let squeezed = |z: f64| {
+        if z < SQUEEZED && elevation < SQUEEZED { elevation + z * (SQUEEZED - elevation) / SQUEEZED } else { z }
+    };
     (table.levels.iter())
         .map(|level| {
             let (a, b) = (level.extinction[i - 1], level.extinction[i]);

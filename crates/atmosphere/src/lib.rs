@@ -1,11 +1,14 @@
 //! Atmospheres behind one trait, one provider a file, and the position of the sun.
 
 mod aerosol;
+mod cloud;
 mod column;
 mod coverage;
 mod embedded;
+mod gas;
 mod haze;
 mod interpolation;
+mod kdistribution;
 mod measured;
 mod medium;
 mod none;
@@ -14,12 +17,14 @@ mod profile;
 mod quadrature;
 mod radiance;
 mod ray;
+mod rayleigh;
 mod sightline;
 mod sky;
 mod sky_shape;
 mod solver;
 mod sounding;
 mod spectrl2;
+mod strata;
 mod sun;
 mod table;
 mod vertical;

@@ -29,9 +29,9 @@ pub struct Level {
 }
 
 /// Loschmidt's number \[cm⁻³ atm⁻¹\] at 273.15 K.
-const LOSCHMIDT: f64 = 2.686_780e19;
+pub(crate) const LOSCHMIDT: f64 = 2.686_780e19;
 /// Grams of water in a molecule.
-const WATER_MOLECULE: f64 = 18.015_28 / 6.022_140_76e23;
+pub(crate) const WATER_MOLECULE: f64 = 18.015_28 / 6.022_140_76e23;
 
 /// The names a scene may use, in the order of the report.
 pub(crate) const NAMES: [&str; 6] =
@@ -124,10 +124,31 @@ impl Profile {
         self.vertical(altitude, |level| 1e-6 * level.o3 * level.n * 100.0 / LOSCHMIDT)
     }
 
-    fn vertical(&self, altitude: f64, per_metre: impl Fn(&Level) -> f64) -> (Vertical, f64) {
+    /// A constituent above an altitude \[m\] from its amount per metre, and its column.
+    pub(crate) fn vertical(&self, altitude: f64, per_metre: impl Fn(&Level) -> f64) -> (Vertical, f64) {
         let levels: Vec<(f64, f64)> =
             self.levels.iter().map(|level| (1000.0 * level.z - altitude, per_metre(level))).collect();
         Vertical::new(&levels)
+    }
+
+    /// The same air with other amounts of water and ozone.
+    pub(crate) fn scaled(mut self, water: f64, ozone: f64) -> Self {
+        self.levels.iter_mut().for_each(|level| {
+            level.h2o *= water;
+            level.o3 *= ozone;
+        });
+        self
+    }
+
+    /// Volume mixing ratio of nitrogen dioxide \[ppmv\] at an altitude \[km\], the same in all six atmospheres.
+    pub(crate) fn nitrogen_dioxide(altitude: f64) -> f64 {
+        static RATIO: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| {
+            let text = include_str!("../data/profile_afgl1986_us_standard_1976.csv");
+            embedded::rows(text).iter().map(|row| (row[0], row[6])).collect()
+        });
+        let i = RATIO.partition_point(|(z, _)| *z <= altitude).clamp(1, RATIO.len() - 1);
+        let ((a, below), (b, above)) = (RATIO[i - 1], RATIO[i]);
+        below * (above / below).powf(((altitude - a) / (b - a)).clamp(0.0, 1.0))
     }
 
     /// The levels about an altitude \[m\] and the place between them, 0..1; outside that where the profile ends.
