@@ -292,12 +292,13 @@ mod tests {
             "scene.glint",
             "glint 1\ncollect { sun zenith 30 deg azimuth 180 deg }\nmaterial grey { ideal { diffuse 0.5 } }\n\
              ground grey height -3 m\nbox grey size (2 2 5) m\n\
-             sensor s { projection orthographic, position (0 -100 120) m, heading 0 deg, depression 45 deg, swath 100 m\n\
+             sensor slanted { projection orthographic, position (0 -100 120) m, heading 0 deg, depression 45 deg, swath 100 m\n\
              pixels 10 x 10, band red 600..700 nm }\n",
         );
         let scene = checked.scene.unwrap_or_else(|| panic!("{:?}", checked.diagnostics));
         let built = scenery::build(&scene, &[], &mut Vec::new()).expect("a world");
-        let camera = scenery::camera(&scene, &scene.sensors[0], (10, 10)).unwrap_or_else(|fault| panic!("{fault:?}"));
+        let camera =
+            scenery::camera(&scene, &scene.sensors[0], Some((10, 10))).unwrap_or_else(|fault| panic!("{fault:?}"));
         let (low, high) = path_heights(&built.world, camera.as_ref(), None);
         assert_eq!(low, -3.0);
         assert!((high - 120.0 - 50.0 * 0.5f64.sqrt()).abs() < 1e-9, "{high}");
