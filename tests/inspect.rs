@@ -428,3 +428,137 @@ fn help_of_each_command_ends_with_an_example() {
         assert!(last.trim_start().starts_with(&format!("sunglint {command}")), "{command}: {last}");
     }
 }
+
+/// The flags stand for a scene of one point: what they give is what that scene gives, to the last bit.
+#[test]
+fn flags_give_what_the_scene_that_they_stand_for_gives() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("point.glint");
+    std::fs::write(
+        &scene,
+        "glint 1
+site { latitude 43.0846 deg, longitude -77.6743 deg, elevation 168 m }
+collect { at 1992-06-18 12:00 -04:00 }
+weather { profile midlatitude_summer, visibility 23 km, water 2 g/cm2, ozone 320 DU, pressure 990 hPa }
+atmosphere spectrl2
+material ground { ideal { diffuse [400 nm 0.1, 1100 nm 0.4] } }
+ground ground
+sensor sensor {
+  look_at (0 0 0) m, altitude 3 km, view_zenith 40 deg, view_azimuth 100 deg, field_of_view 1 arcsec, pixels 1 x 1
+  band red 600..700 nm
+  bands 800..900 nm every 50 nm fwhm 20 nm
+}
+experiment air { samples 16 }
+",
+    )
+    .expect("a scene");
+    let directions = folder.path().join("sky.csv");
+    std::fs::write(&directions, "zenith_deg,azimuth_deg\n0,0\n60,135\n").expect("a table");
+    let rest = ["--directions", text(&directions), "--json"];
+    let of_scene = json(&[&["atmosphere", text(&scene)], &rest[..]].concat());
+    let flags = [
+        "atmosphere --latitude 43.0846 --longitude -77.6743 --at 1992-06-18T12:00:00-04:00 --profile midlatitude_summer",
+        "--model spectrl2 --view-zenith 40 --view-azimuth",
+    ];
+    let spoken = [
+        ["--elevation", "168 m"],
+        ["--visibility", "23 km"],
+        ["--water", "2 g/cm2"],
+        ["--ozone", "320 DU"],
+        ["--pressure", "990 hPa"],
+        ["--albedo", "[400 nm 0.1, 1100 nm 0.4]"],
+        ["--sensor-altitude", "3 km"],
+        ["--add-band", "red 600..700 nm"],
+        ["--wavelengths", "800..900 nm every 50 nm fwhm 20 nm"],
+    ];
+    let flags = flags.iter().flat_map(|flags| flags.split(' ')).chain(["100 deg"]);
+    let flags: Vec<&str> = flags.chain(spoken.into_iter().flatten()).chain(rest).collect();
+    assert_eq!(json(&flags), of_scene);
+}
+
+/// Without air a level ground under a sun at zenith angle θ gets E_s cos θ, and every step of the range has its band.
+#[test]
+fn without_air_flags_need_no_more_than_a_sun() {
+    let found =
+        stdout(&["atmosphere", "--sun-zenith", "60", "--model", "none", "--set", "solar_irradiance=1000 W/m2/um"]);
+    let row: Vec<f64> = found
+        .lines()
+        .find(|line| line.contains(" nm550 "))
+        .expect("a band")
+        .split_whitespace()
+        .skip(2)
+        .map(number_of)
+        .collect();
+    let [um, e_s, tau_1, e_b, _, tau_2, l_u] = row[..] else { panic!("{row:?}") };
+    assert_eq!((um, e_s, tau_1, e_b, tau_2, l_u), (0.55, 1000.0, 1.0, 500.0, 1.0, 0.0));
+    assert_eq!(found.lines().filter(|line| line.contains(" nm")).count(), 61);
+    let steps = stdout(&["atmosphere", "--sun-zenith", "60 deg", "--wavelengths", "400..1000 nm every 5 nm"]);
+    assert_eq!(steps.lines().filter(|line| line.contains(" nm")).count(), 121);
+}
+
+fn number_of(text: &str) -> f64 {
+    text.parse().unwrap_or_else(|_| panic!("{text} is no number"))
+}
+
+/// A finding points at the flag, in the words of the language: its user never saw a scene.
+#[test]
+fn what_is_wrong_with_a_flag_is_told_at_the_flag() {
+    let told = |flags: &[&str]| refusal(&[&["atmosphere", "--sun-zenith", "30"], flags].concat());
+    let unitless = told(&["--visibility", "23"]);
+    for part in [
+        "error[U02]: visibility is a length; `23` has no unit",
+        "command line:1:30",
+        "1 | --sun-zenith 30 --visibility 23\n  |                              ^^ 23 km? (",
+        "1 error on the command line",
+    ] {
+        assert!(unitless.contains(part), "{part}\n{unitless}");
+    }
+    let minutes = told(&["--visibility", "23 min"]);
+    assert!(minutes.contains("error[U03]") && minutes.contains("--visibility \"23 min\""), "{minutes}");
+    assert!(told(&["--set", "streems=16", "--model", "none"]).contains("`streems` is no parameter of `none`"));
+    assert!(told(&["--model", "spectrl3"]).contains("`spectrl2`?"));
+    assert!(told(&["--view-zenith", "95"]).contains("--view-zenith 95"));
+    assert!(told(&["--wavelengths", "400..1000 nm every 5"]).contains("error[U02]"));
+    assert!(told(&["--visibility", "23 km", "--aod", "0.2"]).contains("error[S05]"));
+    // A field without effect is refused here as in a scene.
+    let vain = told(&["--model", "none", "--ozone", "300 DU"]);
+    assert!(vain.contains("error[A01]") && vain.contains("--ozone \"300 DU\""), "{vain}");
+    for (value, why) in
+        [("23 km }", "closes nothing"), ("23 km # far", "no comment"), ("23 km\nozone 1 DU", "one line")]
+    {
+        assert!(told(&["--visibility", value]).contains(why), "{value}");
+    }
+    assert!(refusal(&["atmosphere", "--visibility", "23 km"]).contains("--sun-zenith ANGLE, or --latitude"));
+    assert!(refusal(&["atmosphere", "--at", "1992-06-18T16:00:00Z"]).contains("--at needs --latitude"));
+    let both = refusal(&["atmosphere", "examples/minimal/minimal.glint", "--visibility", "23 km"]);
+    assert!(both.contains("cannot be used with"), "{both}");
+    assert!(told(&["--sensor", "roof"]).contains("choose from a scene"));
+}
+
+#[test]
+fn flags_give_pictures_and_tables_too() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (csv, plot, sky) = (folder.path().join("a.csv"), folder.path().join("a.svg"), folder.path().join("sky.png"));
+    stdout(&[
+        "atmosphere",
+        "--sun-zenith",
+        "30",
+        "--sun-azimuth",
+        "120",
+        "--aod",
+        "0.2",
+        "--bands",
+        "sentinel2a",
+        "--band",
+        "B3",
+        "--csv",
+        text(&csv),
+        "--plot",
+        text(&plot),
+        "--fisheye",
+        text(&sky),
+    ]);
+    assert!(std::fs::read_to_string(&csv).expect("a table").starts_with("wavelength_um,"));
+    assert!(std::fs::read_to_string(&plot).expect("a plot").starts_with("<svg"));
+    assert!(png_size(&std::fs::read(&sky).expect("a picture")).0 > 100);
+}

@@ -80,3 +80,61 @@ fn a_level_panel_shows_the_irradiance_of_the_measured_sky() {
         assert!((shown / said - 1.0).abs() < 1e-4, "{band}: {shown} against {line}");
     }
 }
+
+fn of_text(text: &str) -> Result<Plan, sunglint::Refused> {
+    plan_with(text, &Options::default())
+}
+
+fn plan_with(text: &str, options: &Options) -> Result<Plan, sunglint::Refused> {
+    let head = "glint 1\ncollect noon { sun zenith 30 deg azimuth 180 deg }\ncollect late { sun zenith 60 deg azimuth 250 deg }\n\
+                material grey { ideal { diffuse 0.5 } }\nground grey\n\
+                sensor above { position (0 0 10) m, field_of_view 5 deg, pixels 2 x 2, band red 600..700 nm }\n";
+    let checked = sunglint::check_text("scene.glint", format!("{head}{text}"));
+    Plan::new(checked, options)
+}
+
+/// What one experiment's air makes something of, the others skip and say so; what none does, is refused.
+#[test]
+fn no_field_of_the_weather_is_silently_ignored() {
+    let text = "weather { visibility 10 km, ozone 300 DU }\n\
+                experiment air { atmosphere spectrl2, samples 16 }\nexperiment vacuum { atmosphere none, samples 16 }\n";
+    let plan = of_text(text).unwrap_or_else(|refused| panic!("{refused}"));
+    assert!(plan.warnings.is_empty(), "{:?}", plan.warnings);
+    let skipped =
+        |run: usize| plan.runs()[run].skips.iter().filter(|skip| skip.what.ends_with("of the weather")).count();
+    assert_eq!((skipped(0), skipped(1)), (0, 2));
+
+    let refused = of_text(&text.replace("spectrl2", "none { sky_radiance 5 W/m2/sr/um }")).err().expect("refused");
+    let fields: Vec<&str> =
+        refused.diagnostics.iter().filter(|d| d.code == "A01").map(|d| d.message.as_str()).collect();
+    assert_eq!(
+        fields,
+        ["the atmosphere `none` does not use `visibility`", "the atmosphere `none` does not use `ozone`"]
+    );
+
+    // What an experiment puts in place of a field is no longer said: `visibility` has no part in this.
+    let replaced =
+        "weather { visibility 10 km }\nexperiment air { atmosphere spectrl2, weather { aod 0.1 }, samples 16 }\n";
+    assert!(of_text(replaced).is_ok());
+
+    // A part of a scene may leave out the very experiment that uses a field.
+    let part = Options { experiments: vec!["vacuum".into()], ..Options::default() };
+    assert!(plan_with(text, &part).is_ok());
+}
+
+/// Two experiments at two times of one air: one column, solved once for the suns of both.
+#[test]
+fn experiments_share_the_columns_that_they_have_in_common() {
+    let text = "experiment one { samples 16, collect [noon, late] }\nexperiment two { samples 16, seed 2 }\n\
+                experiment hazy { samples 16, collect late, weather { aod 0.3 } }\n";
+    let plan = of_text(text).unwrap_or_else(|refused| panic!("{refused}"));
+    let columns: Vec<usize> = plan.runs().iter().map(|run| run.columns_solved).collect();
+    assert_eq!(columns, [1, 0, 1]);
+    assert!(plan.skips.iter().any(|skip| skip.what == "2 solves of the air"), "{:?}", plan.skips);
+    let same = |a: usize, b: usize, time: usize| {
+        std::sync::Arc::ptr_eq(&plan.runs()[a].light[time], &plan.runs()[b].light[time])
+    };
+    assert!(
+        same(0, 1, 0) && same(0, 1, 1) && !std::sync::Arc::ptr_eq(&plan.runs()[0].light[1], &plan.runs()[2].light[0])
+    );
+}

@@ -7,6 +7,7 @@ pub fn catalog() -> Catalog {
     let mut catalog = Catalog::default();
     sunglint_reflectance::BUILTIN.iter().for_each(|model| catalog.add(Role::Reflectance, model.info));
     sunglint_atmosphere::BUILTIN.iter().for_each(|model| catalog.add(Role::Atmosphere, model.info));
+    sunglint_atmosphere::AEROSOLS.iter().for_each(|model| catalog.add(Role::Aerosol, model.info));
     sunglint_sensor::BUILTIN.iter().for_each(|model| catalog.add(Role::Detector, model.info));
     sunglint_tracer::BUILTIN.iter().for_each(|model| catalog.add(Role::Algorithm, model.info));
     catalog

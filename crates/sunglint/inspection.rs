@@ -6,7 +6,7 @@ mod charts;
 mod database;
 mod specimen;
 
-pub use air::{Air, AirBand, AirPath, AirSpectrum, air, air_plan, sky_picture};
+pub use air::{Air, AirBand, AirPath, AirSpectrum, air, air_plan, air_plan_of, sky_picture};
 pub use charts::{air_chart, albedo_chart, brdf_chart, brdf_map, component_chart, material_chart, spectrum_chart};
 pub use database::{MaterialEntry, database, materials_of};
 pub use specimen::{Specimen, Surface};

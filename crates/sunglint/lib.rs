@@ -75,6 +75,19 @@ pub struct Checked {
     pub files: Files,
 }
 
+impl Checked {
+    /// The same where no error was found.
+    ///
+    /// # Errors
+    /// Where one was.
+    pub fn sound(self) -> Result<Self, Refused> {
+        if self.scene.is_none() || self.diagnostics.iter().any(|d| d.severity == Severity::Error) {
+            return Err(Refused { sources: self.sources, diagnostics: self.diagnostics });
+        }
+        Ok(self)
+    }
+}
+
 /// A scene that does not run, with the reasons as data.
 #[derive(Debug)]
 pub struct Refused {
@@ -149,10 +162,5 @@ pub fn replace_file(path: impl AsRef<Path>, bytes: &[u8]) -> std::io::Result<()>
 /// # Errors
 /// Where the check found an error.
 pub fn open(path: impl AsRef<Path>) -> Result<Checked, Refused> {
-    let checked = check(path);
-    let refused = checked.scene.is_none() || checked.diagnostics.iter().any(|d| d.severity == Severity::Error);
-    if refused {
-        return Err(Refused { sources: checked.sources, diagnostics: checked.diagnostics });
-    }
-    Ok(checked)
+    check(path).sound()
 }

@@ -5,7 +5,7 @@ mod skips;
 mod spectra;
 mod view;
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -15,6 +15,7 @@ use sunglint_dsl::{Diagnostic, Scene, Severity, Sources};
 use sunglint_geometry::World;
 use sunglint_plugin::{BindError, SpectralValue, Value};
 use sunglint_radiometry::{Channels, SpectralGrid};
+use sunglint_reflectance::Bsdf;
 use sunglint_sensor::{Band, Camera, Ccd};
 use sunglint_tracer::{Algorithm, Illumination, Scenery, Surface, Tile};
 
@@ -24,7 +25,7 @@ use crate::selection::{Crop, is_experiment, is_time, wanted};
 use crate::times::Moment;
 use crate::{Checked, Readout, Refused, grid, scenery, times};
 
-use self::light::{Solved, ground_albedo};
+use self::light::{Asked, Lit, SkyOrder, ground_albedo, in_vain, path_heights};
 use self::skips::{run_skips, scene_skips};
 use self::spectra::{corners_of, is_per_band};
 use self::view::{map_of, scan_note, unknown};
@@ -129,12 +130,14 @@ pub struct Run {
     pub products: scene::Products,
     /// For each material in use, the model that it takes.
     pub models: BTreeMap<String, String>,
-    /// Columns of air that were solved.
+    /// Columns of air that were solved for it, but for those that an earlier run asks for too.
     pub columns_solved: usize,
     /// What is skipped.
     pub skips: Vec<Skip>,
     /// Estimators of the algorithm.
     pub estimators: Vec<String>,
+    /// What was assumed or estimated in solving its columns of air.
+    pub air_notes: Vec<String>,
     /// What object ids mean, ascending.
     pub objects: Vec<scenery::ObjectIds>,
     /// Names by code of the materials in use, ascending.
@@ -228,13 +231,43 @@ struct Planned {
 /// What the runs of all worlds share, and what they come to.
 #[derive(Default)]
 struct Shared<'a> {
-    solved: Solved,
+    /// Surfaces by model, arguments and grid.
+    surfaces: HashMap<blake3::Hash, Arc<dyn Bsdf>>,
     geometries: Vec<Geometry<'a>>,
     /// Names of the frames of all runs, before the selection of times.
     labels: Vec<String>,
-    /// With their place among all runs of the scene.
-    runs: Vec<(usize, Run)>,
+    /// Fields of the weather, and whether any atmosphere uses them.
+    asked: Asked,
+    /// Runs that fell before their atmosphere could say what it uses.
+    unheard: usize,
+    drafts: Vec<Draft>,
     skips: Vec<Skip>,
+}
+
+/// A run that waits for its light: what all runs ask of one column is known only when the last is drafted.
+struct Draft {
+    /// Place of its experiment among all of the scene.
+    order: usize,
+    run: Run,
+    bands: Vec<Band>,
+    /// Fields of the weather that its atmosphere does not use.
+    unused: Vec<Skip>,
+    sky: SkyOrder,
+}
+
+impl Draft {
+    fn lit(self, Lit { light, columns }: Lit) -> (usize, Run) {
+        let Self { order, mut run, bands, unused, .. } = self;
+        run.skips = run_skips(run.algorithm.as_ref(), &run.scenery, &bands, &run.grid, &light);
+        run.skips.extend(unused);
+        for note in light.iter().flat_map(|time| time.sky.notes()) {
+            if !run.air_notes.contains(&note) {
+                run.air_notes.push(note);
+            }
+        }
+        (run.light, run.columns_solved) = (light, columns);
+        (order, run)
+    }
 }
 
 /// Geometry that was built, with all that it depends on.
@@ -266,19 +299,27 @@ fn plan_worlds(
     for world in scene.worlds().filter(|world| world.experiments.iter().any(is_wanted)) {
         complete &= Planner { scene: world, options, diagnostics, hashes }.plan(&is_wanted, &mut shared).is_some();
     }
-    let Shared { solved, geometries, mut labels, mut runs, mut skips } = shared;
+    let Shared { geometries, mut labels, asked, unheard, drafts, mut skips, .. } = shared;
+    // What is left out, or could not be bound, may use what the rest does not.
+    if options.is_whole() && complete && unheard == 0 {
+        diagnostics.extend(in_vain(&asked));
+    }
     if !has_error(diagnostics) {
         labels.sort_unstable();
         labels.dedup();
         let known: Vec<&str> = labels.iter().map(String::as_str).collect();
         diagnostics.extend(unknown("time", &options.times, &known, is_time));
     }
-    if solved.shared > 0 {
+    let orders: Vec<&SkyOrder> = drafts.iter().map(|draft| &draft.sky).collect();
+    let (lit, n_shared) = light::solve(&orders, diagnostics);
+    if n_shared > 0 {
         skips.push(Skip {
-            what: format!("{} solves of the air", solved.shared),
+            what: format!("{n_shared} solves of the air"),
             why: "another run has the same column, suns and grid".into(),
         });
     }
+    let lit = drafts.into_iter().zip(lit);
+    let mut runs: Vec<(usize, Run)> = lit.filter_map(|(draft, lit)| Some(draft.lit(lit?))).collect();
     if runs.is_empty() && !has_error(diagnostics) {
         diagnostics.push(
             Diagnostic::whole("X01", "nothing is left to render: no experiment, sensor and time go together")
@@ -344,10 +385,8 @@ impl<'s> Planner<'s, '_> {
                     continue;
                 }
                 let camera = cameras[s].clone()?;
-                let (solved, labels) = (&mut shared.solved, &mut shared.labels);
-                if let Some(run) = self.run(experiment, s, camera, &bands[s], &world, &objects, solved, labels) {
-                    shared.runs.push((experiment.order, run));
-                }
+                let draft = self.draft(experiment, s, camera, &bands[s], &world, &objects, shared);
+                shared.drafts.extend(draft);
             }
         }
         Some(())
@@ -374,7 +413,7 @@ impl<'s> Planner<'s, '_> {
     }
 
     #[allow(clippy::too_many_arguments)]
-    fn run(
+    fn draft(
         &mut self,
         experiment: &Experiment,
         sensor_index: usize,
@@ -382,9 +421,8 @@ impl<'s> Planner<'s, '_> {
         bands: &[Band],
         world: &Arc<World>,
         objects: &[scenery::ObjectIds],
-        solved: &mut Solved,
-        labels: &mut Vec<String>,
-    ) -> Option<Run> {
+        shared: &mut Shared,
+    ) -> Option<Draft> {
         let scene = self.scene;
         let sensor = &scene.sensors[sensor_index];
         let mut moments: Vec<(Moment, Air)> = Vec::new();
@@ -398,7 +436,7 @@ impl<'s> Planner<'s, '_> {
         make_labels_unique(scene, &mut moments);
         let n_times = moments.len();
         if !self.options.times.is_empty() {
-            labels.extend(moments.iter().map(|(moment, _)| moment.label.clone()));
+            shared.labels.extend(moments.iter().map(|(moment, _)| moment.label.clone()));
             moments.retain(|(moment, _)| wanted(&self.options.times, |time| is_time(time, &moment.label)));
         }
         for (moment, air) in &mut moments {
@@ -407,16 +445,20 @@ impl<'s> Planner<'s, '_> {
         if moments.is_empty() {
             return None;
         }
+        shared.unheard += 1;
         let before = self.diagnostics.len();
 
-        // A provisional grid tells what nodes and g-points the provider wants.
+        // A provisional grid tells what nodes, g-points and aerosol the provider wants.
         let mut uses = Self::model_uses(scene, experiment);
         uses.push((None, &experiment.atmosphere));
         let detector = sensor.ccd.as_ref().filter(|_| experiment.products.counts);
-        let args = || uses.iter().map(|(_, use_)| &use_.args).chain(detector.map(|use_| &use_.args));
-        let corners: Vec<Vec<f64>> = args().flat_map(corners_of).collect();
-        let owned = args().any(is_per_band)
-            || scene.materials.iter().any(|m| m.used && matches!(m.emission, Some(SpectralValue::PerBand(_))));
+        let spectra = |uses: &[(Option<usize>, &ModelUse)]| {
+            let args = || uses.iter().map(|(_, use_)| &use_.args).chain(detector.map(|use_| &use_.args));
+            let owned = args().any(is_per_band)
+                || scene.materials.iter().any(|m| m.used && matches!(m.emission, Some(SpectralValue::PerBand(_))));
+            (args().flat_map(corners_of).collect::<Vec<Vec<f64>>>(), owned)
+        };
+        let (corners, owned) = spectra(&uses);
         let (provisional, names) = grid::bins(bands, &corners, owned);
         let provisional = SpectralGrid::new(provisional, names);
         self.cover(&uses, bands);
@@ -424,7 +466,19 @@ impl<'s> Planner<'s, '_> {
             return None;
         }
         let provider = self.bind(&experiment.atmosphere, sunglint_atmosphere::BUILTIN, &provisional)?;
-        let mut corners = corners;
+        let unused = Self::check_weather(provider.as_ref(), &experiment.atmosphere, &moments, &mut shared.asked);
+        shared.unheard -= 1;
+        let mut aerosols: Vec<(Option<usize>, &ModelUse)> = Vec::new();
+        if provider.uses().contains(&"aerosol") {
+            for aerosol in moments.iter().filter_map(|(_, air)| air.weather.aerosol.as_ref()) {
+                if !aerosols.iter().any(|(_, known)| *known == aerosol) {
+                    aerosols.push((None, aerosol));
+                }
+            }
+        }
+        self.cover(&aerosols, bands);
+        uses.extend(&aerosols);
+        let (mut corners, owned) = spectra(&uses);
         corners.push(provider.nodes());
         let (bins, names) = grid::bins(bands, &corners, owned);
         // What is left out takes its bins along; the cuts stay, so that no value of what remains depends on it.
@@ -434,6 +488,10 @@ impl<'s> Planner<'s, '_> {
         let bands = kept.as_slice();
         let bins = grid::bins_of(bins, &names, bands);
         let grid = SpectralGrid::with_g(bins, names, |bin| provider.g_weights(bin));
+        // The provider binds them itself, where nobody knows their place any more.
+        for (_, aerosol) in &aerosols {
+            self.bind(aerosol, sunglint_atmosphere::AEROSOLS, &grid);
+        }
         let provider = self.bind(&experiment.atmosphere, sunglint_atmosphere::BUILTIN, &grid)?;
         let algorithm = self.bind(&experiment.algorithm, sunglint_tracer::BUILTIN, &grid)?;
         let channels = grid::channels(&grid, bands);
@@ -445,27 +503,29 @@ impl<'s> Planner<'s, '_> {
             false => (channels.clone(), None),
         };
 
-        let scenery = self.surfaces(experiment, &grid, world, solved);
+        let scenery = self.surfaces(experiment, &grid, world, &mut shared.surfaces);
         if has_error(&self.diagnostics[before..]) {
             return None;
         }
         let scenery = scenery?;
-        let needs = match self.options.whole_sky {
+        let mut needs = match self.options.whole_sky {
             true => Needs {
                 direct_beam: true,
                 diffuse_irradiance: true,
                 directional_sky: provider.has_directional_sky(),
                 path: true,
+                path_heights: None,
             },
             false => algorithm.needs(&scenery),
         };
+        // Where nothing is met, a whole sky is asked for paths from z = 0.
+        let level = self.options.whole_sky.then_some(0.0);
+        needs.path_heights = needs.path.then(|| path_heights(world, camera.as_ref(), level));
         let albedo = match algorithm.lighting().adjacency {
             true => ground_albedo(scene, world, &scenery, grid.len()),
             false => vec![0.0; grid.len()],
         };
-        let unused = self.check_weather(provider.as_ref(), &experiment.atmosphere, &moments);
-        let (light, columns_solved) =
-            self.light(experiment, provider.as_ref(), &moments, &grid, &needs, &albedo, solved)?;
+        let sky = self.sky_order(experiment, provider.clone(), &moments, &grid, needs, &albedo);
 
         let (width, height) = camera.pixels();
         let whole = Tile { x: 0, y: 0, width, height };
@@ -474,8 +534,6 @@ impl<'s> Planner<'s, '_> {
         estimators.extend(provider.report());
         estimators.extend(scan_note(scene, sensor, &moments));
         let map = map_of(scene, sensor, camera.as_ref(), world).map(|map| map.of_window(window.x, window.y));
-        let mut skips = run_skips(algorithm.as_ref(), &scenery, bands, &grid, &light);
-        skips.extend(unused);
         let accuracy = match (self.options.samples, experiment.accuracy) {
             (Some(samples), _) => sunglint_tracer::Accuracy::Samples(samples),
             (None, Accuracy::Samples(samples)) => sunglint_tracer::Accuracy::Samples(samples),
@@ -494,7 +552,7 @@ impl<'s> Planner<'s, '_> {
                 material.map(|m| (scene.materials[m].name.clone(), format!("{}{label}", use_.name)))
             })
             .collect();
-        Some(Run {
+        let run = Run {
             experiment: experiment.name.clone(),
             sweep: experiment.sweep.clone(),
             constants: experiment.constants.clone(),
@@ -515,19 +573,21 @@ impl<'s> Planner<'s, '_> {
             algorithm,
             algorithm_name: experiment.algorithm.name.clone(),
             atmosphere_name: experiment.atmosphere.name.clone(),
-            light,
+            light: Vec::new(),
             accuracy,
             budget,
             seed: experiment.seed,
             products: experiment.products,
             models,
-            columns_solved,
-            skips,
+            columns_solved: 0,
+            skips: Vec::new(),
             estimators,
+            air_notes: Vec::new(),
             objects: objects.to_vec(),
             materials: material_codes(scene),
             view_id: sensor_index as u64,
-        })
+        };
+        Some(Draft { order: experiment.order, run, bands: kept, unused, sky })
     }
 
     /// A detector's spectra: their values and the bands that they must cover.
@@ -619,7 +679,7 @@ impl<'s> Planner<'s, '_> {
         experiment: &Experiment,
         grid: &SpectralGrid,
         world: &Arc<World>,
-        solved: &mut Solved,
+        known: &mut HashMap<blake3::Hash, Arc<dyn Bsdf>>,
     ) -> Option<Scenery> {
         let scene = self.scene;
         let grid_key = blake3::hash(format!("{grid:?}").as_bytes());
@@ -631,11 +691,11 @@ impl<'s> Planner<'s, '_> {
             };
             let use_ = &material.models[chosen];
             let key = blake3::hash(format!("{} {:?} {grid_key}", use_.name, use_.args).as_bytes());
-            let bound = match solved.surfaces.get(&key) {
-                Some(known) => Some(known.clone()),
+            let bound = match known.get(&key) {
+                Some(bound) => Some(bound.clone()),
                 None => self.bind(use_, sunglint_reflectance::BUILTIN, grid),
             };
-            solved.surfaces.extend(bound.iter().map(|bound| (key, bound.clone())));
+            known.extend(bound.iter().map(|bound| (key, bound.clone())));
             let emission = match material.emission.as_ref().filter(|value| !value.is_zero()).map(|value| value.on(grid))
             {
                 Some(Ok(values)) => Some(values.into()),

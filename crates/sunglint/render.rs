@@ -654,5 +654,6 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "rays": rays_json(&rendered.rays),
         "skips": skips_json(&plan.skips.iter().chain(&run.skips).cloned().collect::<Vec<_>>()),
         "estimators": run.estimators,
+        "air_notes": run.air_notes,
     })
 }

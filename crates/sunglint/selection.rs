@@ -62,6 +62,11 @@ impl Crop {
 }
 
 impl Options {
+    /// Whether every experiment, sensor, time and band is kept.
+    pub(crate) fn is_whole(&self) -> bool {
+        [&self.experiments, &self.sensors, &self.times, &self.bands].iter().all(|names| names.is_empty())
+    }
+
     /// Narrows the options by one `KEY=VALUE`, split at the first `=`, since names of runs contain `=` too. `experiment`,
     /// `sensor`, `time` and `band` add up when repeated; `crop` and `scale` are said once.
     ///

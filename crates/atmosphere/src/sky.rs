@@ -13,6 +13,30 @@ pub struct Needs {
     pub directional_sky: bool,
     /// τ₂ and L_u.
     pub path: bool,
+    /// Lowest and highest height above the site's elevation \[m\] of targets and sensors, between which all paths run but
+    /// for what the corners of a block of pixels overshoot; `None` where any height may be asked for.
+    pub path_heights: Option<(f64, f64)>,
+}
+
+impl Needs {
+    /// What either wants.
+    #[must_use]
+    pub fn union(self, other: Self) -> Self {
+        let heights = match (self.path, other.path) {
+            (true, true) => {
+                self.path_heights.zip(other.path_heights).map(|((a, b), (c, d))| (f64::min(a, c), f64::max(b, d)))
+            }
+            (true, false) => self.path_heights,
+            (false, _) => other.path_heights,
+        };
+        Self {
+            direct_beam: self.direct_beam || other.direct_beam,
+            diffuse_irradiance: self.diffuse_irradiance || other.diffuse_irradiance,
+            directional_sky: self.directional_sky || other.directional_sky,
+            path: self.path || other.path,
+            path_heights: heights,
+        }
+    }
 }
 
 /// A line of sight from a target to a sensor.
@@ -50,6 +74,11 @@ pub trait SkyState: Send + Sync {
     /// τ₂ and L_u along a path, one value per grid entry.
     fn path(&self, path: &Path, transmittance: &mut [f64], radiance: &mut [f64]);
 
+    /// Lines for the plan and the manifest: what was assumed, estimated or left out in solving this column.
+    fn notes(&self) -> Vec<String> {
+        Vec::new()
+    }
+
     /// L_d(ω) at every grid entry.
     fn sky_radiance(&self, direction: WorldDir, radiance: &mut [f64]) {
         let mut weights = Vec::new();
@@ -58,5 +87,22 @@ pub trait SkyState: Send + Sync {
         for (k, s) in weights {
             radiance.iter_mut().zip(self.sky_terms()[k as usize].iter()).for_each(|(l, b)| *l += s * b);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Heights matter where a path is wanted; where one side knows no bounds, there are none.
+    #[test]
+    fn what_two_want_together_holds_what_each_wants() {
+        let beam = Needs { direct_beam: true, ..Needs::default() };
+        let low = Needs { path: true, path_heights: Some((0.0, 20.0)), ..Needs::default() };
+        let high = Needs { path: true, path_heights: Some((-5.0, 10.0)), diffuse_irradiance: true, ..low };
+        assert_eq!(low.union(high), Needs { path_heights: Some((-5.0, 20.0)), ..high });
+        assert_eq!(beam.union(low), Needs { direct_beam: true, ..low });
+        assert_eq!(low.union(beam), beam.union(low));
+        assert_eq!(low.union(Needs { path_heights: None, ..low }).path_heights, None);
     }
 }

@@ -575,7 +575,7 @@ mod tests {
     }
 
     fn all() -> Needs {
-        Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true }
+        Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true, path_heights: None }
     }
 
     fn one(column: &Column, sun: Sun, grid: &SpectralGrid) -> Box<dyn SkyState> {

@@ -49,7 +49,8 @@ fn column() -> Column {
 }
 
 fn solve(provider: &Arc<dyn Atmosphere>, sun: Sun) -> Result<Box<dyn SkyState>, AtmosphereError> {
-    let needs = Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true };
+    let needs =
+        Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true, path_heights: None };
     Ok(provider.solve(&column(), &[sun], &grid(), &needs)?.remove(0))
 }
 

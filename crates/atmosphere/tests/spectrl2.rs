@@ -100,7 +100,7 @@ fn column(grid: &SpectralGrid) -> Column {
 }
 
 fn all() -> Needs {
-    Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true }
+    Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true, path_heights: None }
 }
 
 /// A fixed sequence of numbers in 0..1 (splitmix64).

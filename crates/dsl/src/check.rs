@@ -35,6 +35,9 @@ use crate::nearest::nearest;
 use crate::scene::{Collect, Experiment, Scene, Times, Weather};
 use crate::{Diagnostic, FileId, LoadError, Loaded, Loader, Severity, Sources, Span};
 
+/// Name of the atmosphere of a scene that names none.
+pub const DEFAULT_ATMOSPHERE: &str = "spectrl2";
+
 /// Holds a tree against the language and the models of a catalogue. `None` where any error was found, by this or by the
 /// parser: `diagnostics` is the list that [`crate::parse`] filled. Files are read through `loader`, those of materials
 /// and objects only where something uses them; tables that a diagnostic points into are added to `sources`.
@@ -429,7 +432,7 @@ impl<'a> Checker<'a> {
             Some(line) => self.named_model(&line, Role::Atmosphere),
             None => None,
         };
-        let atmosphere = atmosphere.unwrap_or_else(|| self.default_model(Role::Atmosphere, "spectrl2"));
+        let atmosphere = atmosphere.unwrap_or_else(|| self.default_model(Role::Atmosphere, DEFAULT_ATMOSPHERE));
         let snapshot = self.snapshot(top);
         let scene = Scene {
             title,

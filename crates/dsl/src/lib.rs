@@ -15,7 +15,7 @@ mod sounding;
 mod source;
 pub mod table;
 
-pub use check::{check, keywords};
+pub use check::{DEFAULT_ATMOSPHERE, check, keywords};
 pub use diagnostic::{CODES, Diagnostic, Severity};
 pub use format::format;
 pub use loader::{LoadError, Loaded, Loader};

@@ -266,8 +266,8 @@ pub struct Weather {
     pub visibility: Option<f64>,
     /// Aerosol optical depth at 550 nm.
     pub aod: Option<f64>,
-    /// Aerosol model, as written.
-    pub aerosol: Option<String>,
+    /// Aerosol model.
+    pub aerosol: Option<ModelUse>,
     /// Surface pressure \[hPa\].
     pub pressure: Option<f64>,
     /// Surface temperature \[K\].
@@ -296,10 +296,13 @@ impl Weather {
     #[must_use]
     pub fn overridden(&self, over: &Weather) -> Weather {
         let mut out = self.clone();
+        let mut drop = |fields: [&str; 2]| fields.map(|field| out.spans.remove(field));
         if over.visibility.is_some() || over.aod.is_some() {
+            drop(["visibility", "aod"]);
             (out.visibility, out.aod) = (None, None);
         }
         if over.humidity.is_some() || over.water.is_some() {
+            drop(["humidity", "water"]);
             (out.humidity, out.water) = (None, None);
         }
         out.profile = over.profile.clone().or(out.profile);

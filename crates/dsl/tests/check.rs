@@ -54,6 +54,16 @@ const APPROXIMATIONS: &[Param] = &[
     Param::count("depth", &["unlimited"], Default::Count(2), "reflections"),
     Param::switch("adjacency", false, "light from beside"),
 ];
+const PHASES: &[Column] = &[
+    Column { name: "angle", dimension: Dimension::Angle, range: (0.0, std::f64::consts::PI) },
+    Column { name: "phase", dimension: Dimension::Fraction, range: (0.0, 1e6) },
+];
+const DUST: &[Param] = &[
+    Param::quantity("exponent", Dimension::Fraction, Default::Number(1.3), "of the optical depth").within(-1.0, 4.0),
+    Param::spectrum("albedo", Dimension::Fraction, Default::Required, "of single scattering").within(0.0, 1.0),
+    Param::spectrum("asymmetry", Dimension::Fraction, Default::Absent, "g").within(-1.0, 1.0).excludes(&["phase"]),
+    Param::table("phase", PHASES, Default::Absent, "against angle"),
+];
 
 fn catalog() -> Catalog {
     let mut catalog = Catalog::default();
@@ -61,6 +71,9 @@ fn catalog() -> Catalog {
     add(Role::Reflectance, "ideal", IDEAL);
     add(Role::Reflectance, "split", SPLIT);
     add(Role::Reflectance, "phong", PHONG);
+    add(Role::Aerosol, "rural", &[]);
+    add(Role::Aerosol, "urban", &[]);
+    add(Role::Aerosol, "dust", DUST);
     add(Role::Atmosphere, "none", &[]);
     add(Role::Atmosphere, "spectrl2", &[]);
     add(Role::Atmosphere, "table", const { &[Param::file("file", Default::Required, "the table")] });
@@ -242,6 +255,15 @@ fn one_fault_gives_one_message_with_its_code() {
         ("N01", "ideal { diffuse 0.18 }", "idel { diffuse 0.18 }"),
         ("N01", "diffuse 0.18", "difuse 0.18"),
         ("N01", "visibility 23 km", "aerosol rurl"),
+        ("N01", "visibility 23 km", "aerosol spectrl2"),
+        ("N01", "visibility 23 km", "aerosol rural { exponent 1 }"),
+        ("N01", "visibility 23 km", "aerosol dust { albedo 0.9, exponnt 1 }"),
+        ("S05", "visibility 23 km", "aerosol dust"),
+        ("S05", "visibility 23 km", "aerosol"),
+        ("S05", "visibility 23 km", "aerosol dust { albedo 0.9, asymmetry 0.6, phase \"white.csv\" }"),
+        ("S03", "visibility 23 km", "aerosol rural 2"),
+        ("U05", "visibility 23 km", "aerosol dust { albedo 1.2 }"),
+        ("N05", "visibility 23 km", "aerosol much }\ndefine much 3 m\nweather w {"),
         ("N01", "weather {", "atmosphere spectrl3\nweather {"),
         ("N02", "facing roof", "facing rof"),
         ("N02", "facet blacktop", "facet blaktop"),
@@ -490,6 +512,39 @@ fn experiments_choose_models_as_section_4_says() {
     assert_eq!((over.visibility, over.aod), (Some(5000.0), None));
     let Shape::Facets { polygons, .. } = &scene.world[2] else { panic!("{:?}", scene.world[2]) };
     assert_eq!(polygons.len(), 2);
+}
+
+/// The arguments are those of the model, defaults filled; what an experiment says of the aerosol replaces all of it.
+#[test]
+fn an_aerosol_is_a_model_with_a_block_of_its_own() {
+    let dusty = "aerosol dust { albedo [400 nm 0.8, 1000 nm 0.95], asymmetry 0.7 }, visibility 23 km";
+    let text = edited("visibility 23 km", dusty)
+        + "experiment as_said { seed 2 }\n\
+           experiment clear { weather { aerosol rural, aod 0.1 } }\n\
+           experiment kinds { weather { aerosol sweep [rural, urban] } }\n\
+           experiment sizes { weather { aerosol dust { albedo 0.9, exponent sweep [0.5, 2] } } }\n";
+    let scene = good(&text);
+    let aerosol = scene.weathers[0].aerosol.clone().unwrap();
+    assert_eq!(aerosol.name, "dust");
+    assert!(aerosol.span.is_some() && aerosol.param_spans.contains_key("albedo"));
+    assert_eq!(aerosol.args.number("exponent"), Some(1.3));
+    assert!(matches!(aerosol.args.spectral("albedo"), Some(SpectralValue::Curve(_))));
+    let seen = |run: &str| {
+        let run = scene.experiments.iter().find(|known| known.name == run).unwrap_or_else(|| panic!("{run}"));
+        let over = run.weather.clone().unwrap_or_default();
+        let weather = scene.weathers[0].overridden(&over);
+        let aerosol = weather.aerosol.clone().unwrap();
+        (aerosol.name.clone(), aerosol.args.number("exponent"), weather)
+    };
+    assert_eq!(seen("as_said").0, "dust");
+    let (name, exponent, weather) = seen("clear");
+    assert_eq!((name.as_str(), exponent, weather.visibility, weather.aod), ("rural", None, None, Some(0.1)));
+    // What is gone is said nowhere any more.
+    assert!(weather.spans.contains_key("aod") && !weather.spans.contains_key("visibility"));
+    assert_eq!(seen("kinds/aerosol=rural").0, "rural");
+    assert_eq!(seen("kinds/aerosol=urban").0, "urban");
+    assert_eq!(seen("sizes/exponent=0.5").1, Some(0.5));
+    assert_eq!(seen("sizes/exponent=2").1, Some(2.0));
 }
 
 #[test]

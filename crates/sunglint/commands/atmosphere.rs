@@ -1,4 +1,4 @@
-//! `atmosphere SCENE`: what the air does at one time.
+//! `atmosphere [SCENE]`: what the air does at one time, over a scene or as flags describe it.
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::io::Write;
@@ -8,15 +8,16 @@ use std::process::ExitCode;
 use clap::{Args, ValueEnum};
 use sunglint::inspection::{air, air_chart, air_plan, sky_picture, time_of, unknown_name};
 use sunglint::plot::{Picture, Projection};
-use sunglint::plugin::Column;
+use sunglint::plugin;
 use sunglint::radiometry::Dimension;
 use sunglint::{Run, write_whole};
 
+use super::column::Column;
 use super::{Failure, Outcome, note, parse_plot, print, print_json, read_rows, report, write_pictures};
 
-const DIRECTIONS: &[Column] = &[
-    Column { name: "zenith", dimension: Dimension::Angle, range: (0.0, FRAC_PI_2) },
-    Column { name: "azimuth", dimension: Dimension::Angle, range: (-TAU, TAU) },
+const DIRECTIONS: &[plugin::Column] = &[
+    plugin::Column { name: "zenith", dimension: Dimension::Angle, range: (0.0, FRAC_PI_2) },
+    plugin::Column { name: "azimuth", dimension: Dimension::Angle, range: (-TAU, TAU) },
 ];
 
 /// What the air does at one time: sunlight, skylight, transmittance and path radiance
@@ -27,10 +28,14 @@ A band's transmittance is that of sunlight, <E_s tau>/<E_s>; its other values ar
 Examples:
   sunglint atmosphere examples/truth/truth.glint --at 1992-06-18T16:00:00Z
   sunglint atmosphere examples/minimal/minimal.glint --plot light.svg --fisheye sky.png
-  sunglint atmosphere examples/minimal/minimal.glint --directions sky.csv --json")]
+  sunglint atmosphere examples/minimal/minimal.glint --directions sky.csv --json
+  sunglint atmosphere --sun-zenith 30 --visibility \"23 km\" --water \"2 g/cm2\" --albedo 0.2 --plot light.svg
+  sunglint atmosphere --latitude 43.08 --longitude -77.67 --elevation \"168 m\" --at 1992-06-18T16:00:00Z \\
+    --aod 0.2 --sensor-altitude \"3 km\" --view-zenith 40 --wavelengths \"400..1000 nm every 5 nm\" --csv air.csv
+  sunglint atmosphere --sun-zenith 60 --bands sentinel2a --fisheye sky.png --band B2")]
 pub struct Atmosphere {
-    /// The scene
-    scene: PathBuf,
+    /// The scene; without one, flags say the air, the sun and the line of sight
+    scene: Option<PathBuf>,
     /// The time: an instant, collected by the scene or not, or a frame's name [default: the one with the highest sun]
     #[arg(long, value_name = "T")]
     at: Option<String>,
@@ -61,6 +66,8 @@ pub struct Atmosphere {
     /// Projection of the fisheye picture
     #[arg(long, value_enum, default_value_t = Layout::Equidistant)]
     projection: Layout,
+    #[command(flatten)]
+    column: Column,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -81,7 +88,13 @@ impl Atmosphere {
         if directions.len() > 10_000 {
             return Err(bad("at most 10000 directions are looked at in one go".into()));
         }
-        let plan = air_plan(&self.scene, self.experiment.as_deref(), self.at.as_deref())?;
+        let plan = match &self.scene {
+            Some(scene) => air_plan(scene, self.experiment.as_deref(), self.at.as_deref())?,
+            None if self.experiment.is_some() || self.sensor.is_some() => {
+                return Err(bad("--experiment and --sensor choose from a scene; none is given".into()));
+            }
+            None => self.column.plan(self.at.as_deref())?,
+        };
         if !quiet && !self.json {
             report(&plan.warnings, &plan.sources);
         }
@@ -97,7 +110,8 @@ impl Atmosphere {
             }
         };
         let first = runs[0]; // a plan has a run
-        let time = time_of(first, self.at.as_deref()).map_err(bad)?;
+        let at = self.at.as_deref().filter(|_| self.scene.is_some());
+        let time = time_of(first, at).map_err(bad)?;
         let frame = first.moments[time].label.clone();
         let Some(air) = air(&runs, &frame, &directions) else {
             return Err(bad(format!("no sensor takes the frame {frame}")));

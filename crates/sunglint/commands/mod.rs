@@ -2,6 +2,7 @@
 
 mod atmosphere;
 mod check;
+mod column;
 mod compare;
 mod completions;
 mod explain;
@@ -123,7 +124,10 @@ pub fn run() -> ExitCode {
         Err(Failure::Refused(refused)) => {
             report(&refused.diagnostics, &refused.sources);
             let errors = refused.diagnostics.iter().filter(|d| d.severity == Severity::Error).count();
-            note(&format!("error: {errors} error{} in the scene", if errors == 1 { "" } else { "s" }));
+            let first = refused.sources.iter().next();
+            let of_flags = first.is_some_and(|main| main.path == column::COMMAND_LINE);
+            let place = if of_flags { "on the command line" } else { "in the scene" };
+            note(&format!("error: {errors} error{} {place}", if errors == 1 { "" } else { "s" }));
             ExitCode::from(2)
         }
         Err(Failure::BadInput(message)) => {

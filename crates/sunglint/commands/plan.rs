@@ -109,6 +109,7 @@ fn text(plan: &Plan) -> String {
         let models: Vec<String> = run.models.iter().map(|(material, model)| format!("{material}: {model}")).collect();
         out += &format!("  models: {}\n", models.join(", "));
         run.estimators.iter().for_each(|line| out += &format!("  estimator: {line}\n"));
+        run.air_notes.iter().for_each(|line| out += &format!("  air: {line}\n"));
         run.skips.iter().for_each(|skip| out += &format!("  skipped: {} ({})\n", skip.what, skip.why));
     }
     if !plan.skips.is_empty() {
@@ -141,6 +142,7 @@ fn to_json(plan: &Plan) -> Value {
                 "models": run.models,
                 "map": map_json(run),
                 "estimators": run.estimators,
+                "air_notes": run.air_notes,
                 "skips": skips_json(&run.skips),
             })
         })

@@ -13,7 +13,7 @@ use sunglint_radiometry::WorldDir;
 use super::{InspectionError, unknown_name};
 use crate::plan::{Options, Plan, Run};
 use crate::plot::{Axis, ColourMap, Dome, DomeMark, Orientation, Picture, Projection};
-use crate::{iso, open, parse_utc};
+use crate::{Checked, check, iso, parse_utc};
 
 /// What the air does at one time.
 #[derive(Clone, Debug, PartialEq)]
@@ -122,7 +122,15 @@ pub fn air(runs: &[&Run], frame: &str, directions: &[(f64, f64)]) -> Option<Air>
 /// # Errors
 /// Those of the scene; an experiment that is not there; an instant where the scene has no site.
 pub fn air_plan(scene: &FilePath, experiment: Option<&str>, at: Option<&str>) -> Result<Plan, InspectionError> {
-    let mut checked = open(scene)?;
+    air_plan_of(check(scene), experiment, at)
+}
+
+/// [`air_plan`] of a scene that was checked.
+///
+/// # Errors
+/// As [`air_plan`].
+pub fn air_plan_of(checked: Checked, experiment: Option<&str>, at: Option<&str>) -> Result<Plan, InspectionError> {
+    let mut checked = checked.sound()?;
     let mut experiments = Vec::new();
     if let Some(scene) = &mut checked.scene {
         let names: Vec<&str> = scene.experiments.iter().map(|known| known.name.as_str()).collect();
@@ -130,7 +138,10 @@ pub fn air_plan(scene: &FilePath, experiment: Option<&str>, at: Option<&str>) ->
         if !names.contains(&name) {
             return Err(InspectionError::Input(unknown_name("experiment", name, &names)));
         }
-        experiments.push(name.to_string());
+        // A scene with one experiment is planned whole: then no field of its weather is without effect.
+        if scene.runs().len() > 1 {
+            experiments.push(name.to_string());
+        }
         if let Some(utc) = at.and_then(|at| parse_utc(at).ok()) {
             if scene.site.is_none() {
                 return Err(InspectionError::Input(

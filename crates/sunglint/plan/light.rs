@@ -3,12 +3,13 @@
 use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
-use sunglint_atmosphere::{Atmosphere, Cloud, Column, Needs, Sun};
+use rayon::prelude::*;
+use sunglint_atmosphere::{Atmosphere, AtmosphereError, Cloud, Column, Needs, Sun};
 use sunglint_dsl::scene::{self, Experiment, ModelUse, Weather};
-use sunglint_dsl::{Diagnostic, Scene};
+use sunglint_dsl::{Diagnostic, Scene, Span, list};
 use sunglint_geometry::{FacetId, MaterialId, World};
 use sunglint_radiometry::{LocalDir, SpectralGrid};
-use sunglint_reflectance::Bsdf;
+use sunglint_sensor::Camera;
 use sunglint_tracer::{Illumination, Scenery};
 
 use super::{Planner, Skip};
@@ -27,22 +28,27 @@ impl Planner<'_, '_> {
         experiment.weather.as_ref().map_or(weather.clone(), |over| weather.overridden(over))
     }
 
-    /// Weather fields that the atmosphere does not use.
+    /// Weather fields that the atmosphere does not use; all that are said are marked in `asked`.
     pub(super) fn check_weather(
-        &mut self,
         provider: &dyn Atmosphere,
         use_: &ModelUse,
         moments: &[(Moment, Air)],
+        asked: &mut Asked,
     ) -> Vec<Skip> {
-        let mut told = Vec::new();
         let mut skips: Vec<Skip> = Vec::new();
         for (_, Air { weather, .. }) in moments {
+            let record = weather.spans.get("observations").copied();
             for (field, span) in &weather.spans {
-                let known = *field == "aerosol" && weather.aerosol.as_deref() == Some("rural");
-                if provider.uses().contains(field) || known || told.contains(span) {
+                let used = provider.uses().contains(field);
+                let of_record = *field != "observations" && Some(*span) == record;
+                let known = asked.entry((*span, *field)).or_insert_with(|| Field { of_record, ..Field::default() });
+                known.used |= used;
+                if used {
                     continue;
                 }
-                told.push(*span);
+                if !known.unused_by.iter().any(|(name, _)| *name == use_.name) {
+                    known.unused_by.push((use_.name.clone(), provider.uses()));
+                }
                 let skip = Skip {
                     what: format!("`{field}` of the weather"),
                     why: format!("the atmosphere `{}` does not use it", use_.name),
@@ -50,83 +56,37 @@ impl Planner<'_, '_> {
                 if !skips.contains(&skip) {
                     skips.push(skip);
                 }
-                let diagnostic =
-                    Diagnostic::warning("A01", *span, format!("the atmosphere `{}` does not use `{field}`", use_.name))
-                        .help(match provider.uses() {
-                            [] => format!("`{}` uses no field of the weather", use_.name),
-                            uses => format!("`{}` uses {}", use_.name, uses.join(", ")),
-                        });
-                if !self.diagnostics.contains(&diagnostic) {
-                    self.diagnostics.push(diagnostic);
-                }
             }
         }
         skips
     }
 
-    #[allow(clippy::too_many_arguments)]
-    pub(super) fn light(
-        &mut self,
+    /// What a run asks of its atmosphere.
+    pub(super) fn sky_order(
+        &self,
         experiment: &Experiment,
-        provider: &dyn Atmosphere,
+        provider: Arc<dyn Atmosphere>,
         moments: &[(Moment, Air)],
         grid: &SpectralGrid,
-        needs: &Needs,
+        needs: Needs,
         albedo: &[f64],
-        solved: &mut Solved,
-    ) -> Option<(Vec<Arc<Illumination>>, usize)> {
+    ) -> SkyOrder {
         let use_ = &experiment.atmosphere;
-        let mut hasher = blake3::Hasher::new();
-        hasher.update(format!("{} {:?} {needs:?} {grid:?}", use_.name, use_.args).as_bytes());
-        let provider_key = hasher.finalize().to_hex().to_string();
-        // Without a sun the column is solved for one below the horizon.
-        let below = Sun::at(std::f64::consts::PI, 0.0);
-        // Times under one column are solved in one call; what another run has solved is not solved again.
-        let mut columns_met: Vec<(Column, String)> = Vec::new();
-        let mut groups: Vec<(usize, Vec<usize>)> = Vec::new();
-        let mut keys = Vec::new();
-        for (i, (moment, air)) in moments.iter().enumerate() {
-            let column = self.column(air, albedo);
-            let met = columns_met.iter().position(|(known, _)| *known == column).unwrap_or_else(|| {
-                let key = format!("{provider_key} {column:?}");
-                columns_met.push((column, key));
-                columns_met.len() - 1
-            });
-            keys.push(format!("{} {:?}", columns_met[met].1, moment.sun));
-            if solved.skies.contains_key(&keys[i]) {
-                solved.shared += 1;
-                continue;
-            }
-            match groups.iter_mut().find(|(known, _)| *known == met) {
-                Some((_, members)) => members.push(i),
-                None => groups.push((met, vec![i])),
-            }
-        }
-        let columns = groups.len();
-        for (met, members) in groups {
-            let column = &columns_met[met].0;
-            let suns: Vec<Sun> = members.iter().map(|i| moments[*i].0.sun.unwrap_or(below)).collect();
-            match provider.solve(column, &suns, grid, needs) {
-                Ok(skies) => {
-                    for (i, sky) in members.iter().zip(skies) {
-                        let light = Illumination::new(sky, moments[*i].0.sun.as_ref());
-                        solved.skies.insert(keys[*i].clone(), Arc::new(light));
-                    }
-                }
-                Err(error) => {
-                    let message = format!("atmosphere `{}`: {error}", use_.name);
-                    let diagnostic = match use_.span {
-                        Some(span) => Diagnostic::error(error.code, span, message),
-                        None => Diagnostic::whole(error.code, message),
-                    };
-                    if !self.diagnostics.contains(&diagnostic) {
-                        self.diagnostics.push(diagnostic);
-                    }
-                    return None;
-                }
-            }
-        }
-        Some((keys.iter().map(|key| solved.skies[key].clone()).collect(), columns))
+        let of_provider = format!("{} {:?} {grid:?}", use_.name, use_.args);
+        let mut columns: Vec<(Column, blake3::Hash)> = Vec::new();
+        let times = (moments.iter())
+            .map(|(moment, air)| {
+                let column = self.column(air, albedo);
+                let met = columns.iter().position(|(known, _)| *known == column).unwrap_or_else(|| {
+                    let mut hasher = blake3::Hasher::new();
+                    hasher.update(of_provider.as_bytes()).update(format!(" {column:?}").as_bytes());
+                    columns.push((column, hasher.finalize()));
+                    columns.len() - 1
+                });
+                (met, moment.sun)
+            })
+            .collect();
+        SkyOrder { provider, use_: use_.clone(), grid: grid.clone(), needs, columns, times }
     }
 
     pub(super) fn column(&self, air: &Air, albedo: &[f64]) -> Column {
@@ -146,19 +106,145 @@ impl Planner<'_, '_> {
             no2: weather.no2,
             visibility: weather.visibility,
             aod: weather.aod,
-            aerosol: None,
+            aerosol: weather.aerosol.as_ref().map(|aerosol| (aerosol.name.clone(), aerosol.args.clone())),
             ground_albedo: albedo.to_vec(),
         }
     }
 }
 
-/// Skies that were solved, by everything that they depend on, so that runs share them.
+/// Fields of the weather by place and name. A record gives its columns the place of the line that names it.
+pub(super) type Asked = BTreeMap<(Span, &'static str), Field>;
+
+/// What became of a field of the weather.
 #[derive(Default)]
-pub(super) struct Solved {
-    pub(super) skies: HashMap<String, Arc<Illumination>>,
-    /// Surfaces by model, arguments and grid.
-    pub(super) surfaces: HashMap<blake3::Hash, Arc<dyn Bsdf>>,
-    pub(super) shared: usize,
+pub(super) struct Field {
+    /// Whether it is a column of a station's record, which may well hold more than is asked.
+    of_record: bool,
+    used: bool,
+    /// Atmospheres that it was put to in vain, with the fields that they use.
+    unused_by: Vec<(String, &'static [&'static str])>,
+}
+
+/// Weather fields that no atmosphere of the scene uses: nothing is silently ignored.
+pub(super) fn in_vain(asked: &Asked) -> Vec<Diagnostic> {
+    let unused = asked.iter().filter(|(_, field)| !field.used);
+    let of_records = |span: &Span| asked.get(&(*span, "observations")).is_some_and(|record| !record.used);
+    (unused.filter(|((span, _), field)| !(field.of_record && of_records(span))))
+        .map(|((span, name), field)| {
+            let names: Vec<String> = field.unused_by.iter().map(|(name, _)| format!("`{name}`")).collect();
+            let message = match names.as_slice() {
+                [one] => format!("the atmosphere {one} does not use `{name}`"),
+                several => {
+                    format!("none of the atmospheres {} uses `{name}`", list(several.iter().map(String::as_str)))
+                }
+            };
+            let uses = |(name, fields): &(String, &[&str])| match fields {
+                [] => format!("`{name}` uses no field of the weather"),
+                fields => format!("`{name}` uses {}", list(fields.iter().copied())),
+            };
+            let told: Vec<String> = field.unused_by.iter().map(uses).collect();
+            let help = format!("{}; `layered` uses them all", told.join("; "));
+            match field.of_record {
+                true => Diagnostic::warning("A01", *span, message).label("a column of this record"),
+                false => Diagnostic::error("A01", *span, message).label("without effect"),
+            }
+            .help(help)
+        })
+        .collect()
+}
+
+/// What a run asks of its atmosphere: the sky over its columns of air at its times.
+pub(super) struct SkyOrder {
+    provider: Arc<dyn Atmosphere>,
+    use_: ModelUse,
+    grid: SpectralGrid,
+    needs: Needs,
+    /// Each with the hash of all that its sky depends on beside the sun.
+    columns: Vec<(Column, blake3::Hash)>,
+    /// Index of the column, and the sun.
+    times: Vec<(usize, Option<Sun>)>,
+}
+
+/// The light of a run.
+pub(super) struct Lit {
+    /// Of each time.
+    pub light: Vec<Arc<Illumination>>,
+    /// Columns that this run is the first to ask for.
+    pub columns: usize,
+}
+
+/// One column with all that is asked of it.
+struct Ask<'o> {
+    order: &'o SkyOrder,
+    column: &'o Column,
+    needs: Needs,
+    suns: Vec<Option<Sun>>,
+}
+
+/// Solves each column once, for all suns and all needs of all runs; the lights are in the order of `orders`, `None` where
+/// a column has no solution, which is told. With the number of skies that a run found solved for another.
+pub(super) fn solve(orders: &[&SkyOrder], diagnostics: &mut Vec<Diagnostic>) -> (Vec<Option<Lit>>, usize) {
+    let mut asks: Vec<Ask> = Vec::new();
+    let mut known: HashMap<blake3::Hash, usize> = HashMap::new();
+    let mut shared = 0;
+    // For each run: the columns that are new, and for each time the ask and its sun.
+    let mut places: Vec<(usize, Vec<(usize, usize)>)> = Vec::new();
+    for order in orders {
+        let before = asks.len();
+        let mut place = |(met, sun): &(usize, Option<Sun>)| {
+            let (column, hash) = &order.columns[*met];
+            let ask = *known.entry(*hash).or_insert_with(|| {
+                asks.push(Ask { order, column, needs: order.needs, suns: Vec::new() });
+                asks.len() - 1
+            });
+            let Ask { needs, suns, .. } = &mut asks[ask];
+            *needs = needs.union(order.needs);
+            let sun = suns.iter().position(|known| known == sun).inspect(|_| shared += 1).unwrap_or_else(|| {
+                suns.push(*sun);
+                suns.len() - 1
+            });
+            (ask, sun)
+        };
+        let times = order.times.iter().map(&mut place).collect();
+        places.push((asks.len() - before, times));
+    }
+    // Without a sun the column is solved for one below the horizon.
+    let below = Sun::at(std::f64::consts::PI, 0.0);
+    let solved: Vec<_> = (asks.par_iter())
+        .map(|ask| {
+            let suns: Vec<Sun> = ask.suns.iter().map(|sun| sun.unwrap_or(below)).collect();
+            let skies = ask.order.provider.solve(ask.column, &suns, &ask.order.grid, &ask.needs)?;
+            let light = skies.into_iter().zip(&ask.suns).map(|(sky, sun)| Illumination::new(sky, sun.as_ref()));
+            Ok(light.map(Arc::new).collect::<Vec<Arc<Illumination>>>())
+        })
+        .collect::<Vec<Result<_, AtmosphereError>>>();
+    for (ask, error) in asks.iter().zip(&solved).filter_map(|(ask, solved)| Some((ask, solved.as_ref().err()?))) {
+        let use_ = &ask.order.use_;
+        let message = format!("atmosphere `{}`: {error}", use_.name);
+        let diagnostic = match use_.span {
+            Some(span) => Diagnostic::error(error.code, span, message),
+            None => Diagnostic::whole(error.code, message),
+        };
+        if !diagnostics.contains(&diagnostic) {
+            diagnostics.push(diagnostic);
+        }
+    }
+    let lit = places.into_iter().map(|(columns, times)| {
+        let light = times.into_iter().map(|(ask, sun)| solved[ask].as_ref().ok().map(|lights| lights[sun].clone()));
+        Some(Lit { light: light.collect::<Option<_>>()?, columns })
+    });
+    (lit.collect(), shared)
+}
+
+/// Lowest and highest z of what a camera can see and of the camera itself on its whole flight, and of `level` \[m\].
+pub(super) fn path_heights(world: &World, camera: &dyn Camera, level: Option<f64>) -> (f64, f64) {
+    let (width, height) = camera.pixels();
+    let (w, h) = (f64::from(width), f64::from(height));
+    // Origins of rays are linear in the pixel, on a slanted image plane as along a flight.
+    let of_camera = [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)].map(|(x, y)| camera.ray(x, y).origin.z);
+    let facets = world.bounds().into_iter().flat_map(|(low, high)| [low.z, high.z]);
+    let heights = facets.chain(world.ground().map(|ground| ground.height)).chain(of_camera).chain(level);
+    heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(z), high.max(z)))
 }
 
 /// The albedo that the atmosphere sees: the ground's, or without one the area-weighted mean of the facets that face up.
@@ -192,4 +278,30 @@ pub(super) fn ground_albedo(scene: &Scene, world: &World, scenery: &Scenery, n: 
         albedo.iter_mut().zip(&own).for_each(|(sum, own)| *sum += own * area / total);
     }
     albedo
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{check_text, scenery};
+
+    /// The ground lies lowest; of a slanted image plane the upper edge is the highest, 50 m · sin 45° above its middle.
+    #[test]
+    fn paths_run_between_the_lowest_that_is_seen_and_the_highest_place_of_the_camera() {
+        let checked = check_text(
+            "scene.glint",
+            "glint 1\ncollect { sun zenith 30 deg azimuth 180 deg }\nmaterial grey { ideal { diffuse 0.5 } }\n\
+             ground grey height -3 m\nbox grey size (2 2 5) m\n\
+             sensor slanted { projection orthographic, position (0 -100 120) m, heading 0 deg, depression 45 deg, swath 100 m\n\
+             pixels 10 x 10, band red 600..700 nm }\n",
+        );
+        let scene = checked.scene.unwrap_or_else(|| panic!("{:?}", checked.diagnostics));
+        let built = scenery::build(&scene, &[], &mut Vec::new()).expect("a world");
+        let camera =
+            scenery::camera(&scene, &scene.sensors[0], Some((10, 10))).unwrap_or_else(|fault| panic!("{fault:?}"));
+        let (low, high) = path_heights(&built.world, camera.as_ref(), None);
+        assert_eq!(low, -3.0);
+        assert!((high - 120.0 - 50.0 * 0.5f64.sqrt()).abs() < 1e-9, "{high}");
+        assert_eq!(path_heights(&built.world, camera.as_ref(), Some(-7.0)).0, -7.0);
+    }
 }

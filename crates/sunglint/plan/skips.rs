@@ -24,6 +24,18 @@ pub(super) fn scene_skips(scene: &Scene, unopened: &[String], world: &World) -> 
             why: "nothing places it; its meshes were not opened".into(),
         });
     }
+    for (i, weather) in scene.weathers.iter().enumerate().filter(|(_, weather)| !weather.spans.is_empty()) {
+        let of_collect = |named: Option<usize>| named.unwrap_or(0) == i;
+        if !scene.collects.iter().any(|collect| of_collect(collect.weather)) {
+            skips.push(Skip {
+                what: weather
+                    .name
+                    .as_ref()
+                    .map_or("the weather without a name".into(), |name| format!("weather `{name}`")),
+                why: "no collection set is under it".into(),
+            });
+        }
+    }
     if world.ground().is_none() {
         skips.push(Skip {
             what: "lines of sight below the horizon that meet no facet".into(),

@@ -219,7 +219,7 @@ impl Algorithm for Published {
     fn needs(&self, scenery: &Scenery) -> Needs {
         let _ = scenery;
         // Mirrors and lines of sight that leave the scene look into the sky itself, whatever stands behind F.
-        Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true }
+        Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true, path_heights: None }
     }
 
     fn lighting(&self) -> Lighting {

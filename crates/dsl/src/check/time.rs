@@ -3,7 +3,7 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::Arc;
 
-use sunglint_plugin::{ModelInfo, Role};
+use sunglint_plugin::Role;
 use sunglint_radiometry::Dimension;
 
 use super::Checker;
@@ -61,7 +61,6 @@ pub(super) const CLOUD: &[Rule] = &[
 
 const PROFILES: &[&str] =
     &["us_standard", "tropical", "midlatitude_summer", "midlatitude_winter", "subarctic_summer", "subarctic_winter"];
-const AEROSOLS: &[&str] = &["rural", "urban", "maritime", "tropospheric"];
 /// The most times that one collection set may hold.
 const MOST_TIMES: f64 = 10_000.0;
 const DAY: f64 = 86_400.0;
@@ -212,14 +211,7 @@ impl<'a> Checker<'a> {
         weather.ozone = self.optional(body.get("ozone"), &scalar(Dimension::GasColumn, 0.0, 2.0, "DU"));
         weather.no2 = self.optional(body.get("no2"), &scalar(Dimension::GasColumn, 0.0, 0.1, "DU"));
         weather.profile = body.get("profile").and_then(|line| self.word_of(&line, PROFILES)).map(str::to_string);
-        if let Some(line) = body.get("aerosol") {
-            let mut known = AEROSOLS.to_vec();
-            known.extend(self.catalog.of(Role::Aerosol).map(|info| info.name));
-            weather.aerosol = self.word_of(&line, &known).map(str::to_string);
-            if let Some(name) = weather.aerosol.clone() {
-                self.aerosol_block(&line, &name);
-            }
-        }
+        weather.aerosol = body.get("aerosol").and_then(|line| self.named_model(&line, Role::Aerosol));
         weather.radiosonde = body
             .get("radiosonde")
             .and_then(|line| self.weather_file(&line, "a sounding", sounding::read).map(Arc::new));
@@ -269,15 +261,6 @@ impl<'a> Checker<'a> {
         }
         clouds.sort_by(|(a, _), (b, _)| a.base.total_cmp(&b.base));
         clouds.into_iter().map(|(cloud, _)| cloud).collect()
-    }
-
-    /// The block of an aerosol, held against what the model of that name declares; the four named ones declare nothing.
-    fn aerosol_block(&mut self, line: &Line<'a>, name: &str) {
-        let Some(block) = line.block.filter(|block| !block.statements.is_empty()) else { return };
-        let declared = self.catalog.find(Role::Aerosol, name).copied();
-        let none = ModelInfo { name: "aerosol", summary: "", manual: "", params: &[] };
-        let span = line.items.first().map_or(line.key_span, |item| item.span);
-        self.model_use(Role::Aerosol, &declared.unwrap_or(none), span, None, Some(block), None);
     }
 
     /// A file of the weather, read; what is wrong with it is reported with its lines.
