@@ -21,11 +21,18 @@ pub(crate) struct Phase {
 
 #[derive(Clone, Debug)]
 enum Law {
-    Rayleigh { gamma: f64 },
-    HenyeyGreenstein { g: f64 },
+    Rayleigh {
+        gamma: f64,
+    },
+    HenyeyGreenstein {
+        g: f64,
+    },
     Moments(Vec<f64>),
     /// Scattering angles \[rad\] ascending from 0 to π, and ln P there, straight between them.
-    Table { angles: Vec<f64>, logs: Vec<f64> },
+    Table {
+        angles: Vec<f64>,
+        logs: Vec<f64>,
+    },
     Mix(Vec<(f64, Arc<Phase>)>),
 }
 
@@ -93,9 +100,7 @@ impl Phase {
 impl Law {
     fn value(&self, cos: f64) -> f64 {
         match self {
-            Self::Rayleigh { gamma } => {
-                0.75 / (1.0 + 2.0 * gamma) * ((1.0 + 3.0 * gamma) + (1.0 - gamma) * cos * cos)
-            }
+            Self::Rayleigh { gamma } => 0.75 / (1.0 + 2.0 * gamma) * ((1.0 + 3.0 * gamma) + (1.0 - gamma) * cos * cos),
             Self::HenyeyGreenstein { g } => {
                 // 1 + g² − 2g cos Θ without cancellation near the peak.
                 let d = (1.0 - g).powi(2) + 2.0 * g * (1.0 - cos);
