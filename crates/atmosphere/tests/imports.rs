@@ -314,7 +314,12 @@ fn modtran_layouts_give_the_same_air() {
         let (tau, up) = path(&*sky, 0.0, 7e5);
         follows(&tau, 1e-4, tau_2);
         follows(&up, 2e-4, l_u);
+        assert_eq!(alone, provider.report().iter().any(|line| line.contains("E_s = TOA_SUN")), "{name}");
     }
+    // A file of the path to the sun says E_s better than the path to the sensor does.
+    let provider = files(&[("tape7", five.as_str()), ("tape7_sun", sun.as_str())]).unwrap();
+    assert!(provider.report().iter().all(|line| !line.contains("E_s = TOA_SUN")));
+    follows(solve(&provider).solar_irradiance(), 6e-3, e_s);
 }
 
 #[test]
@@ -351,6 +356,8 @@ fn a_faulty_tape7_is_refused_where_it_is_faulty() {
         assert!(error.message.starts_with("tape7_sun.txt"), "{error}");
     }
     assert!(fault(&[("tape7", SUN)]).message.contains("line 11: a run of solar irradiance"));
+    let up = fault(&[("tape7", SKY), ("tape7_sun", SUN)]);
+    assert!(up.code == "S05" && up.message.contains("line 11: this run looks up"), "{up}");
     let blind = SKY.replacen("    2    2  180    0", "    1    2  180    0", 1);
     let error = fault(&[("tape7", DOWN), ("tape7_sun", SUN), ("tape7_sky", &blind)]);
     assert!(error.message.contains("line 11") && error.message.contains("where the sun is"), "{error}");

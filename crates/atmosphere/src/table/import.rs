@@ -65,6 +65,9 @@ pub(super) type Rows = Vec<(f64, f64)>;
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Import {
     pub(super) values: Vec<Value>,
+    /// Values that count only where no other file gives their quantity, and how they were derived.
+    pub(super) spare: Vec<Value>,
+    pub(super) spare_note: String,
     /// Irradiances and radiances are in units of E_s.
     pub(super) of_sun: bool,
     /// E_s τ₁ \[W m⁻² µm⁻¹\], where the file does not part them.

@@ -9,7 +9,7 @@
 //! L_u  = atm. intrin. rad. + background rad.
 //! ```
 //!
-//! [Vermote1997]: the environment's terms are light of the run's ground that the air sends down and up again.
+//! \[Vermote1997\]: the environment's terms are light of the run's ground that the air sends down and up again.
 
 use sunglint_plugin::FileArg;
 
@@ -23,6 +23,8 @@ struct Report {
     line: usize,
     sun_zenith: Option<(usize, f64)>,
     view_zenith: Option<(usize, f64)>,
+    /// Azimuth between sun and sensor.
+    azimuth: Option<(usize, f64)>,
     /// First and last wavelength \[µm\].
     wavelengths: Option<(usize, [f64; 2])>,
     irradiances: Option<(usize, [f64; 3])>,
@@ -74,12 +76,14 @@ pub(super) fn read(file: &FileArg) -> Result<Import, Fault> {
         degrees(import.values.iter().filter(|v| v.quantity == quantity).filter_map(|v| v.keys[key])).unwrap_or_default()
     };
     let (suns, views) = (of(SUN, SUN_ZENITH), of(PATH_RADIANCE, VIEW_ZENITH));
+    let azimuths = reports.iter().filter_map(|report| report.azimuth).map(|(_, angle)| angle.to_radians());
+    let azimuth = degrees(azimuths).map_or_else(String::new, |at| format!(", azimuth difference {at}"));
     let n = reports.len();
     let note = format!(
         "{n} reports, the sun at zenith {suns}: E_s, τ₁ = direct/(E_s cos θ), E_d with the light of the run's ground"
     );
     let paths = format!(
-        "L_u for view zenith {views}: intrinsic and background radiance, so with the light of the run's ground"
+        "L_u for view zenith {views}{azimuth}: intrinsic and background radiance, so with the light of the run's ground"
     );
     import.notes.extend([note, paths]);
     if import.values.iter().any(|v| v.quantity == PATH_TRANSMITTANCE) {
@@ -110,6 +114,8 @@ impl Report {
             set(&mut self.sun_zenith, line, behind(line, text, "solar zenith angle:")?);
         } else if text.contains("view zenith angle:") {
             set(&mut self.view_zenith, line, behind(line, text, "view zenith angle:")?);
+        } else if text.contains("azimuthal angle difference:") {
+            set(&mut self.azimuth, line, behind(line, text, "azimuthal angle difference:")?);
         } else if text.contains("monochromatic calculation at wl") {
             let wavelength = behind(line, text, "at wl")?;
             set(&mut self.wavelengths, line, [wavelength; 2]);

@@ -8,13 +8,13 @@
 //! 1 W cm⁻² sr⁻¹ (cm⁻¹)⁻¹ = 10⁴ · ν²/10⁴ W m⁻² sr⁻¹ µm⁻¹ = ν² W m⁻² sr⁻¹ µm⁻¹
 //! ```
 //!
-//! per µm with `WAVLEN(MCRN)`, and µW per nm with `WAVLEN(NM)` [LOWTRAN7, Berk1999 card 4].
+//! per µm with `WAVLEN(MCRN)`, and µW per nm with `WAVLEN(NM)` \[Kneizys1988; Berk1999, card 4\].
 
 use sunglint_plugin::FileArg;
 
 use super::import::{Fault, Import, Value, degrees, lines, number, numbers, shown};
 use super::{
-    DIFFUSE, KEYS, PATH_RADIANCE, PATH_TRANSMITTANCE, SKY, SKY_AZIMUTH, SKY_ZENITH, SOLAR, SUN, SUN_ZENITH, VIEW_ZENITH,
+    KEYS, PATH_RADIANCE, PATH_TRANSMITTANCE, SKY, SKY_AZIMUTH, SKY_ZENITH, SOLAR, SUN, SUN_ZENITH, VIEW_ZENITH,
 };
 
 /// What a file of runs is for.
@@ -139,9 +139,8 @@ fn value(quantity: usize, row: &Row, value: f64) -> Value {
 }
 
 fn sun(run: &Run) -> Import {
-    // The cards of IEMSCT 3 and 0 say the zenith angle of the path, which is the sun's; a transmittance may go either way.
-    let up = |cards: Cards| (cards.angle <= std::f64::consts::FRAC_PI_2).then_some(cards.angle);
-    let zenith = run.cards.and_then(|cards| up(cards).or_else(|| cards.view_zenith()));
+    // The cards of IEMSCT 3 and 0 say the line of sight, which is the sun's.
+    let zenith = run.cards.and_then(Cards::zenith_at_target);
     let mut import = Import { sun: zenith, ..Import::default() };
     for row in &run.rows {
         let mut push = |quantity: usize, v: f64| {
@@ -166,9 +165,13 @@ fn path(runs: &[Run]) -> Result<Import, Fault> {
     let mut import = Import::default();
     let several = runs.len() > 1;
     for run in runs {
-        let view = run.cards.and_then(Cards::view_zenith);
+        if run.kind == Kind::Radiance && run.cards.is_some_and(|cards| cards.looks_up()) {
+            let message = "this run looks up (card 3): what it sees is the sky, no path to a target";
+            return Err(Fault::at(run.line, message).code("S05").help("give runs that look up as `tape7_sky`"));
+        }
+        let view = run.cards.and_then(Cards::zenith_at_target);
         if several && view.is_none() {
-            let message = "several runs, but the cards above this one say no path from a sensor down to a target";
+            let message = "several runs, but the cards above this one say no zenith angle of the sensor";
             return Err(Fault::at(run.line, message).help("give one run, or H1 above H2 and ANGLE above 90 (card 3)"));
         }
         let sun =
@@ -186,15 +189,18 @@ fn path(runs: &[Run]) -> Result<Import, Fault> {
             }
         }
     }
-    let views = degrees(runs.iter().filter_map(|run| run.cards.and_then(Cards::view_zenith)));
+    let views = degrees(runs.iter().filter_map(|run| run.cards.and_then(Cards::zenith_at_target)));
     let view = views.map_or_else(|| "the one line of sight of its run".to_string(), |at| format!("view zenith {at}"));
     let run = &runs[0];
     if run.rows.iter().all(|row| row.sol_scat.is_none()) {
         import.notes.push(format!("τ₂ for {view}"));
         return Ok(import);
     }
+    let azimuths =
+        degrees(runs.iter().filter_map(|run| run.cards.and_then(|cards| cards.sun)).map(|(azimuth, _)| azimuth));
+    let azimuth = azimuths.map_or_else(String::new, |at| format!(", azimuth between line of sight and sun {at}"));
     import.notes.push(format!(
-        "τ₂ and L_u for {view}; L_u is SOL SCAT: scattered sunlight, that of the run's ground included, without thermal emission"
+        "τ₂ and L_u for {view}{azimuth}; L_u is SOL SCAT: scattered sunlight, that of the run's ground included, without thermal emission"
     ));
     if several {
         return Ok(import);
@@ -214,12 +220,12 @@ fn path(runs: &[Run]) -> Result<Import, Fault> {
         for row in &run.rows {
             let (solar, reflected) = (row.toa_sun.unwrap_or(0.0), row.ref_sol.unwrap_or(0.0));
             let through = solar * row.trans;
-            import.values.push(value(SOLAR, row, solar));
             // Three digits are printed: their rounding may pass 1 by 1 %.
             let ratio = if through > 0.0 { reflected / through } else { 0.0 };
-            import.values.push(value(SUN, row, if ratio < 1.01 { ratio.min(1.0) } else { ratio }));
+            let ratio = if ratio < 1.01 { ratio.min(1.0) } else { ratio };
+            import.spare.extend([value(SOLAR, row, solar), value(SUN, row, ratio)]);
         }
-        import.notes.push("E_s = TOA_SUN and τ₁ = REF_SOL/(TOA_SUN τ₂)".to_string());
+        import.spare_note = "E_s = TOA_SUN and τ₁ = REF_SOL/(TOA_SUN τ₂), where no other file gives them".to_string();
     }
     Ok(import)
 }
@@ -227,7 +233,7 @@ fn path(runs: &[Run]) -> Result<Import, Fault> {
 fn sky(runs: &[Run]) -> Result<Import, Fault> {
     let mut import = Import::default();
     for run in runs {
-        let Some(cards) = run.cards.filter(|cards| cards.angle <= std::f64::consts::FRAC_PI_2) else {
+        let Some(cards) = run.cards.filter(|cards| cards.looks_up()) else {
             let message = "the cards above this run say no line of sight from the ground into the sky";
             return Err(Fault::at(run.line, message).help("card 3 says H1, H2 and an ANGLE of 0 to 90"));
         };
@@ -248,19 +254,23 @@ fn sky(runs: &[Run]) -> Result<Import, Fault> {
     }
     let n = runs.len();
     import.notes.push(format!("L_d in {n} directions, azimuths from the sun's, both sides alike; SOL SCAT, single or multiple as the runs were"));
-    debug_assert!(import.values.iter().all(|value| value.quantity != DIFFUSE));
     Ok(import)
 }
 
 impl Cards {
-    /// Zenith angle of the sensor as the target sees it \[rad\], by the triangle with the Earth's centre (6371 km), unrefracted.
-    fn view_zenith(self) -> Option<f64> {
+    fn looks_up(self) -> bool {
+        self.angle < std::f64::consts::FRAC_PI_2
+    }
+
+    /// Zenith angle of the other end of the path as its lower end sees it \[rad\]: ANGLE of a path that goes up, and of one that
+    /// goes down by the triangle with the Earth's centre (6371 km), unrefracted.
+    fn zenith_at_target(self) -> Option<f64> {
         const EARTH: f64 = 6371.0;
-        if self.h1 <= self.h2 || self.angle <= std::f64::consts::FRAC_PI_2 {
-            return None;
+        if self.looks_up() {
+            return Some(self.angle);
         }
         let sin = self.angle.sin() * (EARTH + self.h1) / (EARTH + self.h2);
-        (sin <= 1.0).then(|| sin.asin())
+        (self.h1 > self.h2 && sin <= 1.0).then(|| sin.asin())
     }
 
     /// Card 3 stands five lines above the header, then cards 3A1, 3A2, 4 and 5.

@@ -1,6 +1,6 @@
 //! Output of libRadtran's `uvspec`, read beside the input it was run with: the output has no header.
 //!
-//! Directions [libRadtran user's guide, `umu`, `phi`, `phi0`]: `umu` is the cosine of the zenith angle that light travels at,
+//! Directions \[Emde2016, user's guide: `umu`, `phi`, `phi0`]: `umu` is the cosine of the zenith angle that light travels at,
 //! negative downwards; `phi` is the azimuth it travels to, clockwise from north, and `phi0` that of sunlight. So the part of the
 //! sky that light of (umu < 0, phi) comes from has zenith angle arccos(−umu) and azimuth phi − phi0 from the sun's.
 
@@ -383,7 +383,9 @@ fn import(input: &Input, rows: &[Row], factor: f64) -> Import {
     }
     if has(PATH_RADIANCE) {
         let views = values.iter().filter(|v| v.quantity == PATH_RADIANCE).filter_map(|v| v.keys[VIEW_ZENITH]);
-        import.notes.push(format!("L_u over a black ground for view zenith {}", degrees(views).unwrap_or_default()));
+        let (views, phi0) = (degrees(views).unwrap_or_default(), input.phi0);
+        let phi = input.phi.first().copied().unwrap_or(0.0);
+        import.notes.push(format!("L_u over a black ground for view zenith {views}, phi {phi} (sun: phi0 {phi0})"));
     }
     import.values = values;
     import
