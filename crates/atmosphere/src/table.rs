@@ -1,18 +1,26 @@
-//! An atmosphere from a CSV file: the output of another program, or of a calibration.
+//! An atmosphere from files: a CSV table, or what LOWTRAN 7, MODTRAN, libRadtran and 6S print.
+
+mod gathering;
+mod import;
+mod sixs;
+mod tape7;
+mod uvspec;
 
 use std::collections::BTreeMap;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
 use sunglint_plugin::{Args, BindError, Default, FileArg, Model, ModelInfo, Param};
-use sunglint_radiometry::{Curve, Irradiance, Radiance, SpectralGrid, Spectrum, Transmittance, WorldDir};
+use sunglint_radiometry::{Curve, Dimension, Irradiance, Radiance, SpectralGrid, Spectrum, Transmittance, WorldDir};
 
 use crate::{Atmosphere, AtmosphereError, Column, Needs, Path, SkyState, Sun, coverage};
 
 const MANUAL: &str = "\
-An atmosphere read from a CSV file; nothing is computed but straight lines between its values.
+An atmosphere read from files: a CSV table, or what LOWTRAN 7, MODTRAN, libRadtran (uvspec) and 6S print. Nothing is
+computed but straight lines between the values, and what is said below.
 
-Layout: `#` begins a comment line; then one header line; then rows. Each row has a wavelength, and a value in the cells of
+CSV table: `file`
+`#` begins a comment line; then one header line; then rows. Each row has a wavelength, and a value in the cells of
 the quantities that it speaks of; other cells stay empty. So a file may hold one row a wavelength, or further rows for
 directions. Columns may stand in any order; units are part of the name.
 
@@ -45,11 +53,41 @@ for the sun of the scene, whichever that is, and its sky shines with the sun dow
   are given they agree within 1 %, and the sky counts.  Neither: a black sky
   τ₂ = 1 and L_u = 0 where not given. They hold for the whole way from target to sensor, whatever its length
 
+Output of other codes, held to the same checks
+Several files, a CSV table and the stated spectra may stand together; each quantity comes from one of them. `plan` and the
+manifest tell what each file gives, for which sun and view, what was derived, and what no file gives. What a plan needs and
+none gives is an error: state it (`path_radiance 0 W/m2/sr/um`). A file is for its own sun: the scene's may stand 0.5 deg
+from it, unless the file holds several suns, and then lies between them.
+
+  tape7        path from target to sensor: runs of IEMSCT 2 (or 0, 1: τ₂ alone). τ₂ = TRANS, L_u = SOL SCAT (PATH in
+               LOWTRAN 7). Several runs: view zeniths by card 3 (H1 over H2, ANGLE), unrefracted
+  tape7_sun    path from target to sun: one run of IEMSCT 3 (E_s = SOLAR, τ₁ = TRANS) or IEMSCT 0 (τ₁)
+  tape7_sky    runs of IEMSCT 2 from the ground, one a direction: ANGLE (card 3), IPARM 2 or 12, PARM1 and PARM2 (cards 3A)
+               L_d = SOL SCAT. The directions hold every combination of zenith and azimuth
+               TAPE7 of LOWTRAN 7 and MODTRAN 3 to 6 (.tp7), and tape7.scn (.7sc) against cm⁻¹, µm or nm. At ν cm⁻¹
+               1 W cm⁻² sr⁻¹/cm⁻¹ = ν² W m⁻² sr⁻¹ µm⁻¹. LOWTRAN 7 prints radiances in three digits
+               E_d = (GRND − DRCT)/DRCT · E_s τ₁ cos θ_s, if the run's ground reflects, no sky is given and the sun is known
+               (cards, another file, or `sun_zenith`). With TOA_SUN: E_s, and τ₁ = REF_SOL/(TOA_SUN τ₂)
+  uvspec       output of libRadtran, beside its input `uvspec_input`, which says the columns (of disort and twostr, or
+               output_user), umu, phi, phi0, zout, sza, albedo and output_quantity. `uvspec_units` are those of the
+               solar spectrum of the run (transmittance and reflectivity have none). Level zout 0: τ₁ = edir/(E_s cos θ),
+               E_d = edn, L_d = uu at umu < 0 (several phi, or none: the azimuthal mean). Level TOA: E_s = edir/cos θ.
+               Other levels and TOA: L_u = uu at umu > 0 if albedo is 0, for one phi or at nadir. No τ₂
+  sixs         reports of 6S or 6SV, one a wavelength or band, one below the other in one file with wavelengths ascending:
+               E_s = sol. spect (band: int. sol. spect / int. funct filter), τ₁ = direct solar irr./(E_s cos θ_s),
+               E_d = atm. diffuse + environment irr., L_u = atm. intrin. + background rad.,
+               τ₂ = upward global gas. trans. · exp(−optical depth/cos θ_v). Means of a band hold all over it
+  E_s          where no file says it: the TSIS-1 spectrum at 1 au [Coddington2023]
+  E_d and L_d  both printed: they agree within 5 %, and the sky counts
+
 Nothing of the weather is used.
 
 In a scene
   atmosphere table { file \"modtran.csv\" }
-with, for example
+  atmosphere table { tape7 \"down.tp7\", tape7_sun \"sun.tp7\", tape7_sky \"sky.tp7\" }
+  atmosphere table { uvspec \"sky.out\", uvspec_input \"sky.inp\", path_transmittance 1, path_radiance 0 W/m2/sr/um }
+  atmosphere table { sixs \"visible.txt\" }
+with, for example, in modtran.csv
   wavelength_nm,solar_irradiance_w_m2_um,sun_transmittance,diffuse_irradiance_w_m2_um,path_radiance_w_m2_sr_um
   400,1650,0.55,420,31
   1000,745,0.88,60,3
@@ -59,13 +97,43 @@ with, for example
 pub const MODEL: Model<dyn Atmosphere> = Model {
     info: ModelInfo {
         name: "table",
-        summary: "E_s, τ₁, τ₂, L_d and L_u from a CSV file, against wavelength and angle where given",
+        summary: "E_s, τ₁, τ₂, L_d and L_u from a CSV file, or from output of LOWTRAN 7, MODTRAN, libRadtran or 6S",
         manual: MANUAL,
-        params: &[Param::file("file", Default::Required, "the table; `sunglint models table` has its columns")],
+        params: &[
+            Param::file("file", Default::Absent, "a CSV table; `sunglint models table` has its columns"),
+            Param::file("tape7", Default::Absent, "TAPE7 of LOWTRAN 7 or MODTRAN, from target to sensor: τ₂ and L_u"),
+            Param::file("tape7_sun", Default::Absent, "TAPE7 from target to sun: E_s and τ₁"),
+            Param::file("tape7_sky", Default::Absent, "TAPE7 of runs into the sky, one a direction: L_d"),
+            Param::file("uvspec", Default::Absent, "output of libRadtran's uvspec"),
+            Param::file("uvspec_input", Default::Absent, "the input that `uvspec` was made with"),
+            Param::word(
+                "uvspec_units",
+                &["mw_m2_nm", "w_m2_nm", "w_m2_um"],
+                Default::Word("mw_m2_nm"),
+                "irradiance of `uvspec`, as its solar spectrum has it",
+            ),
+            Param::file("sixs", Default::Absent, "reports of 6S, wavelengths ascending"),
+            Param::quantity(
+                "sun_zenith",
+                Dimension::Angle,
+                Default::Absent,
+                "of the sun that the files are for, where they do not say it",
+            )
+            .within(0.0, FRAC_PI_2),
+            Param::spectrum("solar_irradiance", Dimension::Irradiance, Default::Absent, "E_s, where no file says it")
+                .within(0.0, BRIGHTEST),
+            Param::spectrum("sun_transmittance", Dimension::Fraction, Default::Absent, "τ₁, where no file says it")
+                .within(0.0, 1.0),
+            Param::spectrum("diffuse_irradiance", Dimension::Irradiance, Default::Absent, "E_d, where no file says it")
+                .within(0.0, BRIGHTEST),
+            Param::spectrum("path_transmittance", Dimension::Fraction, Default::Absent, "τ₂, where no file says it")
+                .within(0.0, 1.0),
+            Param::spectrum("path_radiance", Dimension::Radiance, Default::Absent, "L_u, where no file says it")
+                .within(0.0, BRIGHTEST),
+        ],
     },
     bind: |args: &Args, _grid: &SpectralGrid| -> Result<Arc<dyn Atmosphere>, BindError> {
-        let file = args.file("file").ok_or_else(|| BindError::new("S05", "file", "`table` needs a `file`"))?;
-        Ok(Arc::new(Table::read(file)?))
+        Ok(Arc::new(gathering::table(args)?))
     },
 };
 
@@ -119,8 +187,11 @@ const KEYS: [Key; 5] = [
     Key { name: "view_zenith", units: DEG, largest: 180.0 },
     Key { name: "sensor_height", units: &[("_m", 1.0), ("_km", 1e3)], largest: f64::MAX },
 ];
+const SUN_ZENITH: usize = 0;
 const SKY_ZENITH: usize = 1;
 const SKY_AZIMUTH: usize = 2;
+const VIEW_ZENITH: usize = 3;
+const SENSOR_HEIGHT: usize = 4;
 const RELATIVE_AZIMUTH: &str = "sky_relative_azimuth";
 const WAVELENGTH_UNITS: &[(&str, f64)] = &[("_nm", 1e-3), ("_um", 1.0)];
 
@@ -144,7 +215,8 @@ fn fault(code: &'static str, message: String) -> BindError {
 }
 
 impl Header {
-    fn read(name: &str, record: &csv::StringRecord) -> Result<Self, BindError> {
+    /// `alone`: no other file gives what the table must have.
+    fn read(name: &str, record: &csv::StringRecord, alone: bool) -> Result<Self, BindError> {
         let names: Vec<String> = record.iter().map(str::to_string).collect();
         let there_are = format!("the columns are {}", names.join(", "));
         let mut taken = vec![false; names.len()];
@@ -184,8 +256,10 @@ impl Header {
         }
         let missing = |what: &str| fault("F02", format!("{name} has no column {what}")).help(there_are.clone());
         let wavelength = wavelength.ok_or_else(|| missing("wavelength_nm or wavelength_um"))?;
-        quantities[SOLAR].ok_or_else(|| missing("solar_irradiance_w_m2_um"))?;
-        quantities[SUN].ok_or_else(|| missing("sun_transmittance"))?;
+        if alone {
+            quantities[SOLAR].ok_or_else(|| missing("solar_irradiance_w_m2_um"))?;
+            quantities[SUN].ok_or_else(|| missing("sun_transmittance"))?;
+        }
         if from_sun.is_some() && keys[SKY_AZIMUTH].is_some() {
             let both = "sky_azimuth_deg and sky_relative_azimuth_deg";
             return Err(fault("F02", format!("{name} has both {both}")).help("keep one of them"));
@@ -237,14 +311,40 @@ fn bracket(axis: &[f64], x: f64) -> [(usize, f64); 2] {
 }
 
 struct Table {
+    /// Names of the files.
     name: String,
     fields: [Option<Field>; QUANTITIES.len()],
+    /// What gave each field.
+    sources: [String; QUANTITIES.len()],
     /// Whether the sky's azimuth counts from the sun's.
     relative: bool,
+    /// Whether output of another code is among the files.
+    imported: bool,
+    /// The one sun that each file of another code is for: its name, and the zenith angle \[rad\].
+    suns: Vec<(String, f64)>,
+    notes: Vec<String>,
 }
 
+/// Nodes nearer than this are one \[µm\].
+const ONE_NODE: f64 = 1e-8;
+
+/// Files of other codes are for the sun of a scene that stands within this of theirs \[rad\]: the width of its disk.
+const ONE_SUN: f64 = 0.5 * PI / 180.0;
+
 impl Table {
-    fn read(file: &FileArg) -> Result<Self, BindError> {
+    fn empty() -> Self {
+        Self {
+            name: String::new(),
+            fields: std::default::Default::default(),
+            sources: std::default::Default::default(),
+            relative: false,
+            imported: false,
+            suns: Vec::new(),
+            notes: Vec::new(),
+        }
+    }
+
+    fn read(file: &FileArg, alone: bool) -> Result<Self, BindError> {
         let name = &file.name;
         let bytes = file.bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&file.bytes);
         let mut reader =
@@ -253,22 +353,50 @@ impl Table {
             let line = error.position().map_or(1, csv::Position::line);
             fault("F01", format!("{name}, line {line}: not a CSV table of UTF-8 text"))
         };
-        let header = Header::read(name, reader.headers().map_err(|error| malformed(&error))?)?;
+        let header = Header::read(name, reader.headers().map_err(|error| malformed(&error))?, alone)?;
         let mut gathered: [Gathered; QUANTITIES.len()] = std::default::Default::default();
         for record in reader.records() {
             let record = record.map_err(|error| malformed(&error))?;
             gather(name, &header, &record, &mut gathered)?;
         }
-        let mut fields: [Option<Field>; QUANTITIES.len()] = std::default::Default::default();
+        let mut table = Self { name: name.clone(), relative: header.relative, ..Self::empty() };
         for (i, found) in gathered.into_iter().enumerate() {
-            fields[i] = field(name, i, found)?;
-            if fields[i].is_none() && i <= SUN {
+            table.fields[i] = field(name, i, found)?;
+            table.sources[i].clone_from(name);
+            if table.fields[i].is_none() && i <= SUN && alone {
                 return Err(fault("F01", format!("{name} has no value of {}", QUANTITIES[i].name)));
             }
         }
-        let table = Self { name: name.clone(), fields, relative: header.relative };
-        table.check_diffuse()?;
+        table.check_diffuse(0.01)?;
         Ok(table)
+    }
+
+    /// A03 where a plan needs what no file gave: nothing of another code's run is filled in silently.
+    fn suffices(&self, needs: &Needs) -> Result<(), AtmosphereError> {
+        let sky = self.fields[SKY].is_some() || self.fields[DIFFUSE].is_some();
+        let lacks = |quantity: usize| needs.path && self.fields[quantity].is_none();
+        let (what, cure) = if (needs.diffuse_irradiance || needs.directional_sky) && !sky {
+            ("E_d or L_d", "`diffuse_irradiance` (0 W/m2/um for a black sky)")
+        } else if lacks(PATH_TRANSMITTANCE) {
+            ("τ₂", "`path_transmittance` (1 for no loss)")
+        } else if lacks(PATH_RADIANCE) {
+            ("L_u", "`path_radiance` (0 W/m2/sr/um for none)")
+        } else {
+            return Ok(());
+        };
+        let message = format!("{} gives no {what}: add a file that does, or say {cure}", self.name);
+        Err(AtmosphereError { code: "A03", message })
+    }
+
+    fn suns_agree(&self, suns: &[Sun]) -> Result<(), AtmosphereError> {
+        for (name, zenith) in &self.suns {
+            if let Some(sun) = suns.iter().find(|sun| (sun.true_zenith - zenith).abs() > ONE_SUN) {
+                let [run, scene] = [*zenith, sun.true_zenith].map(f64::to_degrees);
+                let message = format!("{name} is for a sun at zenith {run:.4} deg; the sun stands at {scene:.4} deg");
+                return Err(AtmosphereError { code: "A03", message });
+            }
+        }
+        Ok(())
     }
 
     /// ∫ hat cos θ dω of every direction of the sky, in the order of its curves.
@@ -281,8 +409,8 @@ impl Table {
         Azimuths { axis: sky.axes[2].clone(), relative: self.relative }
     }
 
-    /// Diffuse irradiance and sky must agree where both are given.
-    fn check_diffuse(&self) -> Result<(), BindError> {
+    /// Diffuse irradiance and sky must agree within `within` where both are given.
+    fn check_diffuse(&self, within: f64) -> Result<(), BindError> {
         let (Some(sky), Some(diffuse)) = (&self.fields[SKY], &self.fields[DIFFUSE]) else { return Ok(()) };
         let solid = self.solid_weights(sky);
         let directions = solid.len();
@@ -297,14 +425,15 @@ impl Table {
                 };
                 let integral = at(&sky.curves[i * directions..(i + 1) * directions]);
                 let said: f64 = suns.iter().map(|(j, w)| w * diffuse.curve(*j, 0, 0).at(*wavelength)).sum();
-                if (integral - said).abs() > 0.01 * said.max(integral) && integral.max(said) > 1e-6 * largest {
+                if (integral - said).abs() > within * said.max(integral) && integral.max(said) > 1e-6 * largest {
                     let nm = wavelength * 1e3;
                     let message = format!(
                         "{}: at {nm:.6} nm the diffuse irradiance is {said:.6} W/m2/um, but the sky in directions gives \
                          {integral:.6} W/m2/um",
                         self.name
                     );
-                    return Err(fault("M05", message).help("leave out one of them, or let them agree within 1 %"));
+                    let help = format!("leave out one of them, or let them agree within {} %", 100.0 * within);
+                    return Err(fault("M05", message).help(help));
                 }
             }
         }
@@ -525,6 +654,15 @@ fn field(name: &str, quantity: usize, gathered: Gathered) -> Result<Option<Field
     };
     let azimuthal = quantity == SKY && gathered.filled.is_some_and(|filled| filled[2]);
     let mut axes = [0, 1, 2].map(|i| axis(i, &groups, azimuthal && i == 2));
+    // Before anything is made for a combination: a file that leaves one out could name more than memory holds.
+    for &i in &axes[0] {
+        for &j in axes[1].iter().filter(|j| !(azimuthal && **j == 0)) {
+            for &k in &axes[2] {
+                let place = [i, j, k];
+                groups.contains_key(&place).then_some(()).ok_or_else(|| missing(name, quantity, place))?;
+            }
+        }
+    }
     if azimuthal {
         if axes[2].is_empty() {
             axes[2] = vec![0];
@@ -537,7 +675,7 @@ fn field(name: &str, quantity: usize, gathered: Gathered) -> Result<Option<Field
             groups.extend(axes[2].iter().map(|azimuth| ([place[0], 0, *azimuth], rows.clone())));
         }
     }
-    let mut curves = Vec::with_capacity(axes.iter().map(Vec::len).product());
+    let mut curves = Vec::with_capacity(groups.len());
     for &i in &axes[0] {
         for &j in &axes[1] {
             for &k in &axes[2] {
@@ -566,10 +704,10 @@ fn missing(name: &str, quantity: usize, place: Place) -> BindError {
 
 impl Atmosphere for Table {
     fn nodes(&self) -> Vec<f64> {
-        let curves = self.fields.iter().flatten().flat_map(|field| &field.curves);
+        let curves = self.fields.iter().flatten().flat_map(|field| &field.curves).filter(|curve| !curve.is_constant());
         let mut nodes: Vec<f64> = curves.flat_map(|curve| curve.nodes().iter().copied()).collect();
         nodes.sort_by(f64::total_cmp);
-        nodes.dedup();
+        nodes.dedup_by(|b, a| *b - *a <= ONE_NODE);
         nodes
     }
 
@@ -581,6 +719,10 @@ impl Atmosphere for Table {
         self.fields[SKY].is_some()
     }
 
+    fn report(&self) -> Vec<String> {
+        self.notes.clone()
+    }
+
     fn solve(
         &self,
         _column: &Column,
@@ -588,10 +730,14 @@ impl Atmosphere for Table {
         grid: &SpectralGrid,
         needs: &Needs,
     ) -> Result<Vec<Box<dyn SkyState>>, AtmosphereError> {
-        for (field, quantity) in self.fields.iter().zip(&QUANTITIES) {
-            if let Some(field) = field {
-                coverage::check(&format!("{} of {}", quantity.name, self.name), field.domain(), grid)?;
+        for ((field, quantity), source) in self.fields.iter().zip(&QUANTITIES).zip(&self.sources) {
+            if let Some(field) = field.as_ref().filter(|field| !field.curves.iter().all(Curve::is_constant)) {
+                coverage::check(&format!("{} of {source}", quantity.name), field.domain(), grid)?;
             }
+        }
+        if self.imported {
+            self.suffices(needs)?;
+            self.suns_agree(suns)?;
         }
         suns.iter().map(|sun| Ok(Box::new(self.under(sun, grid, needs)?) as Box<dyn SkyState>)).collect()
     }

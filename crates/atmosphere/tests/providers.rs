@@ -341,3 +341,16 @@ fn a_faulty_table_is_refused_where_it_is_faulty() {
     assert_eq!(bind("table", vec![("file", binary)]).err().unwrap().code, "F01");
     assert_eq!(bind("table", vec![]).err().unwrap().code, "S05");
 }
+
+/// Twenty thousand rows that each name another sun and another direction would make 8·10¹² combinations: the first one that is
+/// left out is said, before room is made for any.
+#[test]
+fn a_table_of_scattered_directions_is_refused_at_once() {
+    let mut text = "wavelength_nm,solar_irradiance_w_m2_um,sun_transmittance,sky_radiance_w_m2_sr_um,sun_zenith_deg,sky_zenith_deg,sky_azimuth_deg\n".to_string();
+    for i in 0..20_000 {
+        let at = 0.003 * f64::from(i + 1);
+        text += &format!("500,1,1,1,{at},{at},{at}\n");
+    }
+    let error = fault(&text);
+    assert!(error.code == "M05" && error.message.contains("sky_radiance has no rows at"), "{error}");
+}
