@@ -54,26 +54,26 @@ for the sun of the scene, whichever that is, and its sky shines with the sun dow
   τ₂ = 1 and L_u = 0 where not given. They hold for the whole way from target to sensor, whatever its length
 
 Output of other codes, held to the same checks
-Several files, a CSV table and the stated spectra may stand together; each quantity comes from one of them. `plan` and the
-manifest tell what each file gives, for which sun and view, what was derived, and what no file gives. What a plan needs and
-none gives is an error: state it (`path_radiance 0 W/m2/sr/um`). A file is for its own sun: the scene's may stand 0.5 deg
-from it, unless the file holds several suns, and then lies between them.
+Several files, a CSV table and the stated spectra may stand together; each quantity comes from one of them. `plan` and
+the manifest tell what each file gives, for which sun and view, what was derived, and what no file gives. What a plan
+needs and none gives is an error: state it (`path_radiance 0 W/m2/sr/um`). A file is for its own sun: the scene's may
+stand 0.5 deg from it; between suns, if the file holds several.
 
   tape7        path from target to sensor: runs of IEMSCT 2 (or 0, 1: τ₂ alone). τ₂ = TRANS, L_u = SOL SCAT (PATH in
                LOWTRAN 7). Several runs: view zeniths by card 3 (H1 over H2, ANGLE), unrefracted
   tape7_sun    path from target to sun: one run of IEMSCT 3 (E_s = SOLAR, τ₁ = TRANS) or IEMSCT 0 (τ₁)
-  tape7_sky    runs of IEMSCT 2 from the ground, one a direction: ANGLE (card 3), IPARM 2 or 12, PARM1 and PARM2 (cards 3A)
-               L_d = SOL SCAT. The directions hold every combination of zenith and azimuth
+  tape7_sky    runs of IEMSCT 2 from the ground, one a direction: ANGLE (card 3), IPARM 2 or 12, PARM1 and PARM2 (cards
+               3A). L_d = SOL SCAT. The directions hold every combination of zenith and azimuth
                TAPE7 of LOWTRAN 7 and MODTRAN 3 to 6 (.tp7), and tape7.scn (.7sc) against cm⁻¹, µm or nm. At ν cm⁻¹
                1 W cm⁻² sr⁻¹/cm⁻¹ = ν² W m⁻² sr⁻¹ µm⁻¹. LOWTRAN 7 prints radiances in three digits
-               E_d = (GRND − DRCT)/DRCT · E_s τ₁ cos θ_s, if the run's ground reflects, no sky is given and the sun is known
-               (cards, another file, or `sun_zenith`). With TOA_SUN: E_s, and τ₁ = REF_SOL/(TOA_SUN τ₂)
+               E_d = (GRND − DRCT)/DRCT · E_s τ₁ cos θ_s, if the run's ground reflects, no sky is given and the sun is
+               known (cards, another file, or `sun_zenith`). With TOA_SUN: E_s, and τ₁ = REF_SOL/(TOA_SUN τ₂)
   uvspec       output of libRadtran, beside its input `uvspec_input`, which says the columns (of disort and twostr, or
                output_user), umu, phi, phi0, zout, sza, albedo and output_quantity. `uvspec_units` are those of the
-               solar spectrum of the run (transmittance and reflectivity have none). Level zout 0: τ₁ = edir/(E_s cos θ),
-               E_d = edn, L_d = uu at umu < 0 (several phi, or none: the azimuthal mean). Level TOA: E_s = edir/cos θ.
-               Other levels and TOA: L_u = uu at umu > 0 if albedo is 0, for one phi or at nadir. No τ₂
-  sixs         reports of 6S or 6SV, one a wavelength or band, one below the other in one file with wavelengths ascending:
+               solar spectrum of the run (transmittance and reflectivity have none). Level zout 0: τ₁ = edir/(E_s
+               cos θ), E_d = edn, L_d = uu at umu < 0 (several phi, or none: the azimuthal mean). Level TOA: E_s =
+               edir/cos θ. TOA and others: L_u = uu at umu > 0 if albedo is 0, for one phi or at nadir. No τ₂
+  sixs         reports of 6S or 6SV, one a wavelength or band, one below the other in one file, wavelengths ascending:
                E_s = sol. spect (band: int. sol. spect / int. funct filter), τ₁ = direct solar irr./(E_s cos θ_s),
                E_d = atm. diffuse + environment irr., L_u = atm. intrin. + background rad.,
                τ₂ = upward global gas. trans. · exp(−optical depth/cos θ_v). Means of a band hold all over it
@@ -731,7 +731,9 @@ impl Atmosphere for Table {
         needs: &Needs,
     ) -> Result<Vec<Box<dyn SkyState>>, AtmosphereError> {
         for ((field, quantity), source) in self.fields.iter().zip(&QUANTITIES).zip(&self.sources) {
-            if let Some(field) = field.as_ref().filter(|field| !field.curves.iter().all(Curve::is_constant)) {
+            if let Some(field) =
+                field.as_ref().filter(|field| !field.curves.iter().all(|curve| curve.covers(0.0, f64::MAX)))
+            {
                 coverage::check(&format!("{} of {source}", quantity.name), field.domain(), grid)?;
             }
         }

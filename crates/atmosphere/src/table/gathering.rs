@@ -249,7 +249,7 @@ impl Gathering {
         Ok(table)
     }
 
-    /// E_d = (GRND − DRCT)/DRCT · E_s τ₁ cos θ_s: what the Lambertian ground of a tape7 run reflects, by the sky and by the sun.
+    /// E_d = (GRND − DRCT)/DRCT · E_s τ₁ cos θ_s: the Lambertian ground of a tape7 run reflects light of sky and sun.
     fn diffuse_from_ground(
         &mut self,
         waiting: &[(&'static str, String, Import)],
@@ -273,7 +273,8 @@ impl Gathering {
             let diffuse = beam.and_then(|beam| combined(&ratio, &beam, |ratio, beam| ratio * beam));
             let Some(diffuse) = diffuse else { continue };
             self.table.notes.push(format!(
-                "{name}: E_d = (GRND − DRCT)/DRCT · E_s τ₁ cos θ over the Lambertian ground of the run, whose light it holds"
+                "{name}: E_d = (GRND − DRCT)/DRCT · E_s τ₁ cos θ over the Lambertian ground of the run, \
+                 whose light it holds"
             ));
             self.put(DIFFUSE, Field::of(diffuse), param, name.clone())?;
         }

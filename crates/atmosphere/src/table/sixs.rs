@@ -1,5 +1,5 @@
-//! The report that 6S and 6SV print: a frame of stars, one wavelength or band a run. Reports of several runs in one file make a
-//! spectrum.
+//! The report that 6S and 6SV print: a frame of stars, one wavelength or band a run. Reports of several runs in one
+//! file make a spectrum.
 //!
 //! ```text
 //! E_s  = sol. spect, or int. sol. spect / int. funct filter       at the date, as printed

@@ -1,8 +1,8 @@
 //! TAPE7 of LOWTRAN 7 and MODTRAN (`.tp7`), and the filtered `tape7.scn` (`.7sc`).
 //!
-//! A file holds runs. A run is: the cards that were read, a header that begins with `FREQ` or `WAVLEN` (MODTRAN prints a second
-//! line below it for transmittances), rows, and `-9999.`. Spectral values are per cm⁻¹ where the first column is a wavenumber
-//! ν, so with λ = 10⁴/ν µm and |dν/dλ| = ν²/10⁴
+//! A file holds runs. A run is: the cards that were read, a header that begins with `FREQ` or `WAVLEN` (MODTRAN prints
+//! a second line below it for transmittances), rows, and `-9999.`. Spectral values are per cm⁻¹ where the first column
+//! is a wavenumber ν, so with λ = 10⁴/ν µm and |dν/dλ| = ν²/10⁴
 //!
 //! ```text
 //! 1 W cm⁻² sr⁻¹ (cm⁻¹)⁻¹ = 10⁴ · ν²/10⁴ W m⁻² sr⁻¹ µm⁻¹ = ν² W m⁻² sr⁻¹ µm⁻¹
@@ -200,7 +200,8 @@ fn path(runs: &[Run]) -> Result<Import, Fault> {
         degrees(runs.iter().filter_map(|run| run.cards.and_then(|cards| cards.sun)).map(|(azimuth, _)| azimuth));
     let azimuth = azimuths.map_or_else(String::new, |at| format!(", azimuth between line of sight and sun {at}"));
     import.notes.push(format!(
-        "τ₂ and L_u for {view}{azimuth}; L_u is SOL SCAT: scattered sunlight, that of the run's ground included, without thermal emission"
+        "τ₂ and L_u for {view}{azimuth}; L_u is SOL SCAT: scattered sunlight, that of the run's ground \
+         included, without thermal emission"
     ));
     if several {
         return Ok(import);
@@ -253,7 +254,7 @@ fn sky(runs: &[Run]) -> Result<Import, Fault> {
         }
     }
     let n = runs.len();
-    import.notes.push(format!("L_d in {n} directions, azimuths from the sun's, both sides alike; SOL SCAT, single or multiple as the runs were"));
+    import.notes.push(format!("L_d = SOL SCAT in {n} directions, azimuths from the sun's, both sides alike"));
     Ok(import)
 }
 
@@ -262,8 +263,8 @@ impl Cards {
         self.angle < std::f64::consts::FRAC_PI_2
     }
 
-    /// Zenith angle of the other end of the path as its lower end sees it \[rad\]: ANGLE of a path that goes up, and of one that
-    /// goes down by the triangle with the Earth's centre (6371 km), unrefracted.
+    /// Zenith angle of the other end of the path as its lower end sees it \[rad\]: ANGLE of a path that goes up, and of
+    /// one that goes down by the triangle with the Earth's centre (6371 km), unrefracted.
     fn zenith_at_target(self) -> Option<f64> {
         const EARTH: f64 = 6371.0;
         if self.looks_up() {

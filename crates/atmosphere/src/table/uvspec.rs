@@ -1,8 +1,9 @@
 //! Output of libRadtran's `uvspec`, read beside the input it was run with: the output has no header.
 //!
-//! Directions \[Emde2016, user's guide: `umu`, `phi`, `phi0`]: `umu` is the cosine of the zenith angle that light travels at,
-//! negative downwards; `phi` is the azimuth it travels to, clockwise from north, and `phi0` that of sunlight. So the part of the
-//! sky that light of (umu < 0, phi) comes from has zenith angle arccos(−umu) and azimuth phi − phi0 from the sun's.
+//! Directions \[Emde2016, user's guide: `umu`, `phi`, `phi0`\]: `umu` is the cosine of the zenith angle that light
+//! travels at, negative downwards; `phi` is the azimuth it travels to, clockwise from north, and `phi0` that of
+//! sunlight. So the part of the sky that light of (umu < 0, phi) comes from has zenith angle arccos(−umu) and azimuth
+//! phi − phi0 from the sun's.
 
 use std::collections::BTreeMap;
 use std::f64::consts::PI;
