@@ -3,12 +3,14 @@
 mod aerosol;
 mod cloud;
 mod column;
+mod column_sky;
 mod coverage;
 mod embedded;
 mod gas;
 mod haze;
 mod interpolation;
 mod kdistribution;
+mod layered;
 mod measured;
 mod medium;
 mod none;
@@ -41,7 +43,7 @@ use sunglint_plugin::Model;
 use sunglint_radiometry::{Bin, SpectralGrid};
 
 /// The atmospheres this build knows.
-pub const BUILTIN: &[Model<dyn Atmosphere>] = &[none::MODEL, table::MODEL, spectrl2::MODEL, measured::MODEL];
+pub const BUILTIN: &[Model<dyn Atmosphere>] = &[none::MODEL, table::MODEL, spectrl2::MODEL, measured::MODEL, layered::MODEL];
 
 /// Why a provider gives no answer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -91,6 +91,15 @@ impl Optics {
         optics
     }
 
+    pub fn streams(&self) -> usize {
+        self.streams
+    }
+
+    /// Scattering of a layer \[m⁻¹\].
+    pub fn scattered(&self, layer: usize) -> f64 {
+        self.scattering(layer).iter().sum()
+    }
+
     /// Scattering of a layer by phase function \[m⁻¹\].
     fn scattering(&self, layer: usize) -> &[f64] {
         let n = self.phases.len();
@@ -174,6 +183,19 @@ impl Lattice {
         lattice
     }
 
+    /// Whether another column is cut alike.
+    pub fn serves(&self, optics: &Optics) -> bool {
+        let ends = self.first.iter().skip(1).copied().chain([self.layer_of.len()]);
+        self.first.len() == optics.layers.len()
+            && self.first.iter().zip(ends).zip(&optics.layers).all(|((a, b), layer)| b - a == layer.parts)
+    }
+
+    /// The first part that reaches below a height, from the top down.
+    pub fn first_below(&self, height: f64) -> usize {
+        let edges = self.levels.len() / 2;
+        (0..edges - 1).rev().find(|part| self.levels[2 * part] >= height).unwrap_or(0)
+    }
+
     /// Parts of a layer, lowest first.
     fn parts(&self, layer: usize) -> impl Iterator<Item = usize> {
         let end = self.first.get(layer + 1).copied().unwrap_or(self.layer_of.len());
@@ -227,7 +249,7 @@ impl SunRays {
                 None => BLOCKED,
             })
             .collect();
-        SunDepths { offsets: self.offsets.clone(), depths }
+        SunDepths { offsets: self.offsets.clone(), from: 0, depths }
     }
 
     /// Scattering optical depths of the peaked scatterers towards the sun, by level.
@@ -268,6 +290,8 @@ const BLOCKED: f64 = 1e4;
 #[derive(Clone, Debug)]
 pub(crate) struct SunDepths {
     offsets: Offsets,
+    /// Of the levels from this one down.
+    from: usize,
     depths: Vec<f64>,
 }
 
@@ -275,7 +299,7 @@ impl SunDepths {
     /// At a level and an offset \[deg\].
     fn at(&self, level: usize, offset: f64) -> f64 {
         let n = self.offsets.count();
-        let row = &self.depths[level * n..(level + 1) * n];
+        let row = &self.depths[(level - self.from) * n..(level + 1 - self.from) * n];
         if n == 1 {
             return row[0];
         }
@@ -451,7 +475,43 @@ impl Gathered {
     }
 }
 
+impl Gathered {
+    /// By a polynomial in cos Δφ through what was gathered at some azimuths.
+    pub fn between(gathered: &[Gathered], azimuths: &[f64], azimuth: f64) -> Self {
+        let x = azimuth.cos();
+        let mut sum =
+            Self { once: vec![0.0; gathered[0].once.len()], orders: vec![0.0; gathered[0].orders.len()], twice: 0.0 };
+        for (i, (one, own)) in gathered.iter().zip(azimuths).enumerate() {
+            let others = azimuths.iter().enumerate().filter(|(j, _)| *j != i);
+            let share: f64 = others.map(|(_, a)| (x - a.cos()) / (own.cos() - a.cos())).product();
+            sum.once.iter_mut().zip(&one.once).for_each(|(sum, k)| *sum += share * k);
+            sum.orders.iter_mut().zip(&one.orders).for_each(|(sum, l)| *sum += share * l);
+            sum.twice += share * one.twice;
+        }
+        sum
+    }
+}
+
 impl Lit {
+    /// T′ of the beam at the ground.
+    pub fn direct(&self) -> f64 {
+        let levels = self.depths.depths.len() / self.depths.offsets.count();
+        (-self.depths.at(self.depths.from + levels - 1, 0.0)).exp()
+    }
+
+    /// What a ray through the parts from `first` down needs, under the sun of the site alone.
+    pub fn centre(&self, first: usize) -> Self {
+        let mut lit = Self {
+            depths: self.depths.clone(),
+            tail: self.tail[2 * first..].to_vec(),
+            fields: vec![self.fields[self.fields.len() / 2].clone()],
+        };
+        lit.depths.from = 2 * first;
+        lit.depths.depths.drain(..2 * first * lit.depths.offsets.count());
+        lit.fields[0].keep_below(first);
+        lit
+    }
+
     /// Gathers light along a ray towards whoever looks, for a sun of zenith angle `zenith` \[rad\] whose azimuth is
     /// `azimuth` \[rad\] from that of the ray (0: the ray rises towards the sun).
     pub fn gather(&self, optics: &Optics, sight: &Sight, look: Look, zenith: f64, azimuth: f64) -> Gathered {
@@ -486,7 +546,7 @@ impl Lit {
             let tails: [f64; 3] = std::array::from_fn(|i| {
                 let place = 2.0 * step.places[near_first(i)];
                 let half = (place as usize).min(1);
-                let at = |half: usize| self.tail[2 * step.part + half];
+                let at = |half: usize| self.tail[2 * step.part + half - self.depths.from];
                 at(half) + (at(half + 1) - at(half)) * (place - half as f64)
             });
             let mut depth = 0.0;
@@ -589,7 +649,8 @@ fn source(optics: &Optics, sight: &Sight, field: &Field, step: usize, point: usi
         if let Some(rows) = field.orders.get(m) {
             let rays = &legendre[from..from + width];
             for (node, share) in nodes {
-                let row = &rows[(2 * part + node) * width..(2 * part + node + 1) * width];
+                let place = 2 * (part - field.first) + node;
+                let row = &rows[place * width..(place + 1) * width];
                 // Light that comes down: Λ_l^m(−μ) = (−1)^(l+m) Λ_l^m(μ).
                 let (mut even, mut odd) = (0.0, 0.0);
                 for ((pair, c), ray) in coupling[m..].chunks(2).zip(row.chunks(2)).zip(rays.chunks(2)) {
