@@ -59,7 +59,7 @@ enum Command {
     Render(render::Render),
     Explain(explain::Explain),
     Sun(sun::Sun),
-    Atmosphere(atmosphere::Atmosphere),
+    Atmosphere(Box<atmosphere::Atmosphere>),
     Reflectance(reflectance::Reflectance),
     Materials(materials::Materials),
     Test(test::Test),
