@@ -55,9 +55,9 @@ Extinction and absorption against the extinction at 0.55 µm, and asymmetry g, s
   P: the model's classes of LOWTRAN 7 (34 angles, exponential between them, normalised here); the two whose asymmetry
      encloses g are mixed so that the mixture has g. Within 2° of the sun the peak is coarse.
 
-The model fills the air to 2 km above the site. Above it stand, as in LOWTRAN 7, tropospheric aerosol to 10 km, background
-stratospheric to 30 km and meteoric dust; between regions, over 1 km (5 km at 30 km), one gives way to the next. Each region
-has one humidity, the mean over its aerosol. How much there is the weather says: `aod` or `visibility`.
+The model fills the air to 2 km above the site. Above it stand, as in LOWTRAN 7, tropospheric aerosol to 10 km,
+background stratospheric to 30 km and meteoric dust; between regions one gives way to the next over 1 km, and over
+5 km at 30 km. Each region has one humidity, the mean over its aerosol. How much there is the weather says: `aod` or `visibility`.
 
 Validity: averages over a kind of air, not over a day.
 

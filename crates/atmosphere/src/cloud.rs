@@ -44,8 +44,8 @@ pub(crate) fn optics(wavelength: f64) -> AerosolOptics {
 mod tests {
     use super::*;
 
-    /// g and 1 − ω of water clouds of 10 µm by Slingo 1989, J. Atmos. Sci. 46, 1419, table 1: 0.854 and 1.6e-6 (0.25–0.69 µm), 0.836 and
-    /// 2.3e-4 (0.69–1.19 µm, whose far end absorbs most); his size distributions differ.
+    /// g and 1 − ω of water clouds of 10 µm by Slingo 1989, J. Atmos. Sci. 46, 1419, table 1: 0.854 and 1.6e-6 for
+    /// 0.25–0.69 µm, 0.836 and 2.3e-4 for 0.69–1.19 µm, whose far end absorbs most. His distributions of size differ.
     #[test]
     fn drops_scatter_forward_and_hardly_absorb() {
         for (wavelength, g, most) in [(0.55, 0.854, 3e-6), (0.9, 0.836, 2.3e-4)] {

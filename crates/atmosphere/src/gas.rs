@@ -1,8 +1,8 @@
-//! Absorption by gases, in a form that goes with scattering: per bin a few terms g of weight w_g, each of which obeys Beer's
-//! law.
+//! Absorption by gases, in a form that goes with scattering: per bin a few terms g of weight w_g, each of which obeys
+//! Beer's law.
 //!
 //! ```text
-//! H₂O, O₂   T(W) = ⟨exp(−(C W)^a)⟩ = Σ_g w_g exp(−k_g W)            band model of LOWTRAN 7 [Pierluissi1986, Kneizys1988]
+//! H₂O, O₂   T(W) = ⟨exp(−(C W)^a)⟩ = Σ_g w_g exp(−k_g W)   LOWTRAN 7 [Pierluissi1986, Kneizys1988]
 //!           W = ∫ u (p/1013.25)^n (273.15/T)^m dz                  u: H₂O in g cm⁻², O₂ in atm-cm
 //! H₂O       τ = ρ₀ ∫ ρ_w [ρ_w (C_s296 + ΔC_s (296−T)/36) + ρ_f C_f] dz   continuum; ρ in Loschmidt's number
 //! O₃        τ = C U                                                Chappuis band, U in atm-cm
@@ -10,11 +10,12 @@
 //! O₂–O₂     τ = ∫ n_O₂² σ dz                                       Gaussians [Greenblatt1990]
 //! ```
 //!
-//! ⟨ ⟩ is the mean over the samples of 5 cm⁻¹ in one half of a bin: the lower node of the grid stands for the lower half. exp(−x^a) with
-//! 0 < a < 1 is the Laplace transform of a positive density (a stable law \[Pollard1946\]), so weights and k that are
-//! not negative exist; their number is the least that keeps T within [`TOLERANCE`] from no absorber at all to [`AIR_MASS`] tropical
-//! columns. The weights belong to the bin, since both its nodes share them; the k are each node's own. Where two gases
-//! absorb in lines, T = T_H₂O T_O₂ (lines at random): the terms are pairs, g = i n_O₂ + j.
+//! ⟨ ⟩ is the mean over the samples of 5 cm⁻¹ in one half of a bin: the lower node of the grid stands for the lower
+//! half. exp(−x^a) with 0 < a < 1 is the Laplace transform of a positive density (a stable law \[Pollard1946\]), so
+//! weights and k that are not negative exist; their number is the least that keeps T within [`TOLERANCE`] from no
+//! absorber at all to [`AIR_MASS`] tropical columns. The weights belong to the bin, since both its nodes share them;
+//! the k are each node's own. Where two gases absorb in lines, T = T_H₂O T_O₂ (lines at random): the terms are pairs,
+//! g = i n_O₂ + j. A half bin on the border of two bands of water takes n and m of the one that absorbs more.
 
 use std::collections::HashMap;
 use std::sync::{Arc, LazyLock, Mutex};
@@ -29,7 +30,8 @@ use crate::profile::LOSCHMIDT;
 pub(crate) const TOLERANCE: f64 = 0.002;
 /// The longest path that the terms are made for, in vertical tropical columns.
 pub(crate) const AIR_MASS: f64 = 40.0;
-/// W of a tropical column: not above 4.2 g cm⁻² of water, nor 0.2095 × 8e5 atm-cm of oxygen at half the surface's pressure.
+/// W of a tropical column: at most 4.2 g cm⁻² of water, and 0.2095 × 8e5 atm-cm of oxygen at half the surface's
+/// pressure.
 const WATER_COLUMN: f64 = 4.2;
 const OXYGEN_COLUMN: f64 = 8.7e4;
 

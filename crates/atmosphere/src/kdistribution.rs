@@ -4,8 +4,8 @@
 //! minimise max |Σ_g w_g exp(−k_g W) − T(W)|,   w_g = e^(v_g)/Σ e^(v),  k_g = e^(κ_g)
 //! ```
 //!
-//! Levenberg and Marquardt's method \[Marquardt1963\] on v and κ gives the least squares over a geometric row of W; Lawson's
-//! weights \[Lawson1961\], u ← u |r|, lead on to the least maximum.
+//! Levenberg and Marquardt's method \[Marquardt1963\] on v and κ gives the least squares over a geometric row of W;
+//! Lawson's weights \[Lawson1961\], u ← u |r|, lead on to the least maximum.
 
 /// T(W) = Σ share exp(−(C W)^a), the mean transmission over the samples of an interval.
 #[derive(Clone, Debug)]

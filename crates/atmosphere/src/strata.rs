@@ -37,6 +37,8 @@ const WARMED: f64 = 2000.0;
 const FINE: f64 = 250.0;
 /// Mean radius of the Earth in LOWTRAN 7 and AFGL's temperate atmospheres \[m\] \[Kneizys1988\].
 const EARTH: f64 = 6_371_230.0;
+/// Above this altitude \[km\] vapour is not held against saturation over water.
+const MOIST: f64 = 15.0;
 /// g/R_d \[K m⁻¹\].
 const KELVIN_PER_METRE: f64 = 9.806_65 / 287.04;
 /// Share of oxygen in the air \[Anderson1986\].
@@ -72,8 +74,8 @@ impl Site {
     /// Cuts a column.
     ///
     /// # Errors
-    /// `A01` for an unknown profile or aerosol, or a cloud that is not above its base; `A02` for a sounding that does not
-    /// reach the site; and what the aerosol makes of its arguments.
+    /// `A01` for an unknown profile or aerosol, or a cloud whose top is not above its base; and what the aerosol makes of
+    /// its arguments.
     pub fn new(column: &Column) -> Result<Self, AtmosphereError> {
         let mut notes = Vec::new();
         let air = weathered(column, &mut notes)?;
@@ -228,7 +230,7 @@ fn weathered(column: &Column, notes: &mut Vec<String>) -> Result<Profile, Atmosp
     if column.water.is_none() && (column.humidity.is_some() || column.temperature.is_some()) {
         for level in &mut levels {
             let most = 1e6 * saturation_pressure(level.t) / level.p;
-            if level.h2o > most * (1.0 + 1e-9) && level.z < 20.0 {
+            if level.h2o > most * (1.0 + 1e-9) && level.z < MOIST {
                 level.h2o = most;
                 dried += 1;
             }
@@ -241,6 +243,11 @@ fn weathered(column: &Column, notes: &mut Vec<String>) -> Result<Profile, Atmosp
     if let Some(water) = column.water {
         let scale = water.max(0.0) / air.water(elevation).1;
         air = air.scaled(scale, 1.0);
+        let humidity = |level: &Level| 1e-6 * level.h2o * level.p / saturation_pressure(level.t);
+        let wettest = air.levels().iter().filter(|level| level.z < MOIST).map(humidity).fold(0.0, f64::max);
+        if wettest > 1.0 {
+            notes.push(format!("so much water makes {:.0} % of relative humidity somewhere", 100.0 * wettest));
+        }
     }
     if let Some(ozone) = column.ozone {
         let scale = ozone.max(0.0) / air.ozone(elevation).1;
@@ -452,7 +459,8 @@ mod tests {
         medium.layers.iter().map(|layer| layer.scattering[phase]).sum()
     }
 
-    /// The path through every layer over its thickness for an apparent zenith angle at the ground: Bouguer's law, n r sin z = const.
+    /// The path through every layer over its thickness, for an apparent zenith angle at the ground: Bouguer's law,
+    /// n r sin z = const.
     fn slant(strata: &Strata, zenith: f64) -> Vec<f64> {
         let n0 = 1.0 + strata.refractivity[strata.refractivity.len() - 1];
         let c = n0 * strata.radius * zenith.sin();
@@ -473,10 +481,11 @@ mod tests {
             .collect()
     }
 
-    /// Means over 5 nm of the direct beam's transmittance against LOWTRAN 7 itself, four profiles to air mass 9, component by component:
-    /// within 0.003 to air mass 2 and 0.008 beyond. The terms account for 0.002; the continuum, one coefficient a half bin, for
-    /// the rest where it is steep (0.007 at 930 nm, under lines that are black by then); else layers, LOWTRAN's 33 levels
-    /// and single precision. O₂–O₂ and NO₂, which LOWTRAN 7 lacks here, are taken out.
+    /// Means over 5 nm of the direct beam's transmittance against LOWTRAN 7 itself, four profiles to air mass 9,
+    /// component by component: within 0.003 to air mass 2 and 0.008 beyond. The terms account for 0.002; the
+    /// continuum, one coefficient a half bin, for the rest where it is steep (0.007 at 930 nm, under lines that are
+    /// black by then); else layers, LOWTRAN's 33 levels and single precision. O₂–O₂ and NO₂, which LOWTRAN 7 lacks
+    /// here, are taken out.
     #[test]
     fn the_gases_transmit_what_lowtran_7_has() {
         let grid = grid();
@@ -633,8 +642,8 @@ mod tests {
         assert!((0.15e-3..0.25e-3).contains(&(no2(&plain) / LOSCHMIDT)), "{}", no2(&plain) / LOSCHMIDT);
     }
 
-    /// The published vertical optical depths of O₂–O₂ over the sea, 0.005 to 0.015: 0.0439 n² H/2 of the peaks, H the scale height of
-    /// air. LOWTRAN 7's continuum of water takes 7.25 % out of 935–940 nm.
+    /// The published vertical optical depths of O₂–O₂ over the sea, 0.005 to 0.015: 0.0439 n² H/2 of the peaks, H the
+    /// scale height of air. LOWTRAN 7's continuum of water takes 7.25 % out of 935–940 nm.
     #[test]
     fn pairs_of_oxygen_and_the_continuum_absorb_as_published() {
         let site = Site::new(&Column { aod: Some(0.0), ..column() }).unwrap();
