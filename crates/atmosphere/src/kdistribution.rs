@@ -65,6 +65,8 @@ const ROUNDS: usize = 10;
 const SETTLED: f64 = 1e-2;
 /// Least squares that miss by more than this many tolerances are not worth Lawson's rounds.
 const HOPELESS: f64 = 3.0;
+/// Nor is it worth going on with them where the fourth still misses by this many.
+const FAR: f64 = 1.4;
 /// Between the points of W the sum may miss a little more than at them.
 const MARGIN: f64 = 0.94;
 
@@ -83,7 +85,8 @@ pub(crate) fn terms(targets: &[Target; 2], w_max: f64, tolerance: f64) -> Terms 
     let start = match lost {
         x if x < 0.25 => 2,
         x if x < 0.75 => 3,
-        _ => 4,
+        x if x < 0.98 => 4,
+        _ => 5,
     };
     let mut best: Option<(f64, Fit)> = None;
     for n in (1..=1).chain(start..=MOST) {
@@ -156,7 +159,10 @@ impl Fit {
                 (least, best) = (largest, self.clone());
             }
             // Far from the goal more terms are cheaper than more rounds.
-            if least <= tolerance || round == 0 && least > HOPELESS * tolerance {
+            if least <= tolerance
+                || (round == 0 && least > HOPELESS * tolerance)
+                || (round == 3 && least > FAR * tolerance)
+            {
                 break;
             }
             u.iter_mut().zip(&misses).for_each(|(u, r)| *u *= r.abs() / largest + 0.02);
