@@ -6,7 +6,7 @@ use std::sync::{Arc, LazyLock};
 use sunglint_plugin::{
     Args, BindError, Column as TableColumn, Default, Model, ModelInfo, Param, SpectralValue, Table, TableKey,
 };
-use sunglint_radiometry::{Curve, Dimension, Extrapolation, SpectralGrid};
+use sunglint_radiometry::{Curve, Dimension, SpectralGrid};
 
 use crate::phase::Phase;
 
@@ -55,9 +55,9 @@ Extinction and absorption against the extinction at 0.55 µm, and asymmetry g, s
   P: the model's classes of LOWTRAN 7 (34 angles, exponential between them, normalised here); the two whose asymmetry
      encloses g are mixed so that the mixture has g. Within 2° of the sun the peak is coarse.
 
-The model fills the air to 2 km above the site. Above it stand, as in LOWTRAN 7, tropospheric aerosol to 10 km, background
-stratospheric to 30 km and meteoric dust; between regions, over 1 km (5 km at 30 km), one gives way to the next. Each region
-has one humidity, the mean over its aerosol. How much there is the weather says: `aod` or `visibility`.
+The model fills the air to 2 km above the site. Above it stand, as in LOWTRAN 7, tropospheric aerosol to 10 km,
+background stratospheric to 30 km and meteoric dust; between regions one gives way to the next over 1 km, and over
+5 km at 30 km. Each region has one humidity, the mean over its aerosol. How much there is the weather says: `aod` or `visibility`.
 
 Validity: averages over a kind of air, not over a day.
 
@@ -194,7 +194,7 @@ const ANGSTROM: Model<dyn Aerosol> = Model {
 };
 
 /// Phase functions by wavelength \[µm\], ascending.
-fn phase_tables(table: &Table) -> Result<Vec<(f64, Arc<Phase>)>, BindError> {
+fn phase_tables(table: &Table) -> Result<Phases, BindError> {
     let fault = |message: String| BindError::new("M05", "phase", message);
     let mut parts: BTreeMap<u64, Vec<(f64, f64)>> = BTreeMap::new();
     for (i, row) in table.rows.iter().enumerate() {
@@ -229,7 +229,7 @@ fn phase_tables(table: &Table) -> Result<Vec<(f64, Arc<Phase>)>, BindError> {
 #[derive(Debug)]
 enum Angular {
     HenyeyGreenstein(Curve),
-    Tables(Vec<(f64, Arc<Phase>)>),
+    Tables(Phases),
 }
 
 #[derive(Debug)]
@@ -273,7 +273,7 @@ impl Aerosol for Angstrom {
 pub(crate) const REFERENCE: f64 = 0.55;
 
 /// The mixture at `x` of phase functions in ascending order of x, held beyond the ends.
-fn between(phases: &[(f64, Arc<Phase>)], x: f64) -> Arc<Phase> {
+pub(crate) fn between(phases: &[(f64, Arc<Phase>)], x: f64) -> Arc<Phase> {
     let i = phases.partition_point(|(at, _)| *at <= x);
     if i == 0 || i == phases.len() {
         return Arc::clone(&phases[i.saturating_sub(1)].1);
@@ -289,7 +289,7 @@ pub(crate) struct ShettleFenn {
     /// One or four.
     humidities: Vec<Humid>,
     /// Distinct phase functions by ascending asymmetry.
-    classes: Vec<(f64, Arc<Phase>)>,
+    classes: Phases,
 }
 
 /// The table at one humidity.
@@ -301,8 +301,11 @@ struct Humid {
     rows: Vec<[f64; 4]>,
 }
 
-/// Distinct columns of the phase table: asymmetry and function.
-static CLASSES: LazyLock<Vec<(String, Vec<(f64, Arc<Phase>)>)>> = LazyLock::new(|| {
+/// Phase functions, each with what it is ordered by.
+type Phases = Vec<(f64, Arc<Phase>)>;
+
+/// Distinct columns of the phase table by model, in order of asymmetry.
+static CLASSES: LazyLock<Vec<(String, Phases)>> = LazyLock::new(|| {
     let text = include_str!("../data/aerosol_phase_lowtran7.csv");
     let mut lines = text.lines().filter(|line| !line.starts_with('#'));
     let names: Vec<&str> = lines.next().expect("a header").split(',').skip(1).collect();
@@ -310,7 +313,7 @@ static CLASSES: LazyLock<Vec<(String, Vec<(f64, Arc<Phase>)>)>> = LazyLock::new(
         lines.map(|line| line.split(',').map(|cell| cell.trim().parse().expect("numbers")).collect()).collect();
     let angles: Vec<f64> = rows.iter().map(|row| row[0].to_radians()).collect();
     let mut made: Vec<(Vec<f64>, f64, Arc<Phase>)> = Vec::new();
-    let mut models: Vec<(String, Vec<(f64, Arc<Phase>)>)> = Vec::new();
+    let mut models: Vec<(String, Phases)> = Vec::new();
     for (i, name) in names.iter().enumerate() {
         let values: Vec<f64> = rows.iter().map(|row| row[i + 1]).collect();
         let (g, phase) = match made.iter().find(|(known, ..)| *known == values) {
@@ -359,7 +362,7 @@ static SHETTLE_FENN: LazyLock<Vec<(&'static str, Arc<ShettleFenn>)>> = LazyLock:
 
 /// The classes of a model, and beyond their asymmetries those of the tropospheric model below and of the maritime one
 /// above, so that they enclose every g of its table.
-fn classes(model: &str) -> Vec<(f64, Arc<Phase>)> {
+fn classes(model: &str) -> Phases {
     let of = |model: &str| CLASSES.iter().find(|(name, _)| name == model).map(|(_, classes)| classes.clone());
     let model = if model == "background_stratospheric" { "stratospheric" } else { model };
     let mut own = of(model).unwrap_or_default();
@@ -416,4 +419,92 @@ impl Humid {
 /// Between two values, straight in the logarithm; straight in the value where one of them is 0.
 fn geometric(a: f64, b: f64, t: f64) -> f64 {
     if a > 0.0 && b > 0.0 { a * (b / a).powf(t) } else { a + (b - a) * t }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sunglint_plugin::Value;
+
+    /// Rows of the table itself, at its own wavelengths and humidities.
+    #[test]
+    fn a_model_gives_back_its_table() {
+        for (name, wavelength, humidity, row) in [
+            ("rural", 0.6943, 0.7, [0.753_16, 0.046_84, 0.6498]),
+            ("rural", 0.55, 0.0, [1.0, 0.0, 0.6479]),
+            ("maritime", 1.06, 0.99, [f64::NAN, f64::NAN, 0.8096]),
+            ("tropospheric", 0.6943, 0.8, [f64::NAN, f64::NAN, 0.669]),
+        ] {
+            let optics = tabulated(name).optics(wavelength, humidity);
+            let g = optics.phase.moments(1)[1];
+            assert!((g - row[2]).abs() < 1e-6, "{name}: {g}");
+            if row[1] > 0.0 {
+                assert!((optics.extinction - row[0]).abs() < 1e-9);
+                assert!((optics.albedo - (1.0 - row[1] / row[0])).abs() < 1e-9);
+            }
+        }
+    }
+
+    /// Between 80 and 99 % in ln(100 − RH): half way is at 100 − √(20·1) = 95.53 %.
+    #[test]
+    fn humidity_is_interpolated_in_the_dryness_of_the_air() {
+        let model = tabulated("maritime");
+        let at = |humidity: f64| model.optics(0.8, humidity).extinction;
+        let half = 1.0 - (20.0f64).sqrt() / 100.0;
+        assert!((at(half) / (at(0.8) * at(0.99)).sqrt() - 1.0).abs() < 1e-12);
+        assert_eq!(at(1.0), at(0.99));
+        assert!(at(0.99) > at(0.5));
+    }
+
+    #[test]
+    fn every_aerosol_is_normalised_and_darker_than_white() {
+        for model in AEROSOLS {
+            let aerosol = (model.bind)(&Args::new(&model.info, []), &SpectralGrid::from_edges(&[])).unwrap();
+            for wavelength in [0.4, 0.55, 0.7, 1.0] {
+                let optics = aerosol.optics(wavelength, 0.6);
+                assert!((0.4..=1.0).contains(&optics.albedo), "{} {}", model.info.name, optics.albedo);
+                let chi = optics.phase.moments(4);
+                assert!((chi[0] - 1.0).abs() < 1e-9 && (0.4..0.9).contains(&chi[1]), "{} {}", model.info.name, chi[1]);
+            }
+            assert!((aerosol.optics(0.55, 0.3).extinction - 1.0).abs() < 1e-9);
+            assert!(model.info.manual.contains("In a scene") && !model.info.manual.contains("TODO"));
+        }
+    }
+
+    fn angstrom(given: Vec<(&str, Value)>) -> Result<Arc<dyn Aerosol>, BindError> {
+        let given = given.into_iter().map(|(name, value)| (name.to_string(), value));
+        (ANGSTROM.bind)(&Args::new(&ANGSTROM.info, given), &SpectralGrid::from_edges(&[]))
+    }
+
+    /// A table of Henyey and Greenstein's function, a tenth of a degree apart, is that function.
+    #[test]
+    fn a_phase_table_stands_in_for_the_asymmetry() {
+        let law = Phase::henyey_greenstein(0.6);
+        let rows: Vec<Vec<f64>> = (0..=1800)
+            .map(|i| f64::from(i) * std::f64::consts::PI / 1800.0)
+            .map(|angle| vec![angle, 3.0 * law.value(angle.cos())])
+            .collect();
+        let both = [rows.clone(), rows.iter().map(|row| vec![row[0], 1.0]).collect()].concat();
+        let keys = (0..both.len()).map(|i| if i < rows.len() { 0.4 } else { 0.8 }).collect();
+        let table = Value::Table(Table { key: TableKey::Wavelength(keys), rows: both });
+        let aerosol = angstrom(vec![("phase", table)]).unwrap();
+        for (wavelength, g) in [(0.4, 0.6), (0.6, 0.3), (0.8, 0.0), (0.9, 0.0)] {
+            let found = aerosol.optics(wavelength, 0.5).phase.moments(1)[1];
+            assert!((found - g).abs() < 1e-4, "{wavelength}: {found}");
+        }
+    }
+
+    #[test]
+    fn what_makes_no_aerosol_is_told() {
+        let per_band = Value::Spectrum(SpectralValue::PerBand(vec![("red".to_string(), 0.9)]));
+        let code = |given| angstrom(given).err().map(|fault| fault.code);
+        assert_eq!(code(vec![("single_scattering_albedo", per_band)]), Some("M04"));
+        let table = |rows: Vec<Vec<f64>>| Value::Table(Table { key: TableKey::None, rows });
+        assert_eq!(code(vec![("phase", table(vec![]))]), Some("M05"));
+        assert_eq!(code(vec![("phase", table(vec![vec![0.1, 1.0], vec![0.1, 2.0]]))]), Some("M05"));
+        assert_eq!(code(vec![("phase", table(vec![vec![0.1, 0.0], vec![0.2, 0.0]]))]), Some("M05"));
+        let curve = Curve::linear(&[(0.5, 0.9), (0.6, 0.8)]).unwrap();
+        let narrow = angstrom(vec![("asymmetry", Value::Spectrum(SpectralValue::Curve(curve)))]).unwrap();
+        assert_eq!(narrow.domain(), (0.5, 0.6));
+    }
 }

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! σ = 24 π³ (n²−1)² F / (λ⁴ N_s² (n²+2)²)                       eq. 2; N_s = 2.546899e19 cm⁻³
-//! (n₃₀₀−1) 10⁸ = 8060.51 + 2480990/(132.274−λ⁻²) + 17455.7/(39.32957−λ⁻²)   eq. 4, λ in µm; dry air, 15 °C, 1013.25 hPa
+//! (n₃₀₀−1) 10⁸ = 8060.51 + 2480990/(132.274−λ⁻²) + 17455.7/(39.32957−λ⁻²)   eq. 4; 15 °C, 1013.25 hPa, λ in µm
 //! n−1 = (n₃₀₀−1) (1 + 0.54 (C − 0.0003))                        eq. 19, C the share of CO₂ by volume
 //! F = (78.084 F_N₂ + 20.946 F_O₂ + 0.934 + 1.15 C) / (78.084 + 20.946 + 0.934 + C)   eq. 23, C in percent
 //! F_N₂ = 1.034 + 3.17e-4 λ⁻²     F_O₂ = 1.096 + 1.385e-3 λ⁻² + 1.448e-4 λ⁻⁴          eqs. 5, 6
@@ -48,9 +48,9 @@ fn king_factor(wavelength: f64) -> f64 {
 /// n − 1 of moist air at a wavelength \[µm\], pressure and vapour pressure \[hPa\] and temperature \[K\]:
 ///
 /// ```text
-/// (n_s−1) 10⁸ = 8342.13 + 2406030/(130−λ⁻²) + 15997/(38.9−λ⁻²)                  [Edlen1966, eq. 1]
-/// n−1 = (n_s−1) p (1 + p (0.817 − 0.0133 t) 10⁻⁶) / (720.775 (1 + 0.0036610 t))     [Edlen1966, eq. 12; p in torr, t in °C]
-///       − e (5.722 − 0.0457 λ⁻²) 10⁻⁸                                           [Edlen1966, eq. 22; e in torr]
+/// (n_s−1) 10⁸ = 8342.13 + 2406030/(130−λ⁻²) + 15997/(38.9−λ⁻²)                  [Edlen1966]
+/// n−1 = (n_s−1) p (1 + p (0.817 − 0.0133 t) 10⁻⁶) / (720.775 (1 + 0.0036610 t))    p in torr, t in °C
+///       − e (5.722 − 0.0457 λ⁻²) 10⁻⁸                                          e in torr
 /// ```
 pub(crate) fn refractivity(wavelength: f64, pressure: f64, vapour: f64, temperature: f64) -> f64 {
     const TORR_PER_HPA: f64 = 760.0 / 1013.25;
@@ -80,9 +80,9 @@ mod tests {
         }
     }
 
-    /// Bodhaine's optical depth of a sea-level column at 45° (his table 3: 0.0973 at 0.55 µm); the AFGL column weighs as much within
-    /// 0.5 % (gravity and the moisture in the density). LOWTRAN 7 has v⁴/(9.38076e18 − 1.08426e9 v²) km⁻¹ at 273.15 K and
-    /// 1 atm, from a fit to other indices: within 1.3 %. Depolarisation is that of Bates' air.
+    /// Bodhaine's optical depth over the sea, 0.0973 at 0.55 µm: the AFGL column weighs as much within 0.5 % (gravity,
+    /// and moisture in the density). LOWTRAN 7 has v⁴/(9.38076e18 − 1.08426e9 v²) km⁻¹ at 273.15 K and 1 atm, a fit to
+    /// other indices: within 1.3 %. Depolarisation is that of Bates' air.
     #[test]
     fn a_sea_level_column_scatters_as_published_and_as_in_lowtran() {
         let column = Profile::named("us_standard").unwrap().air(0.0).1;
@@ -96,8 +96,8 @@ mod tests {
         assert!((depolarisation(0.55) / 0.02842 - 1.0).abs() < 5e-3, "{}", depolarisation(0.55));
     }
 
-    /// Peck & Reeder's dry air of 15 °C is Edlén's within 2e-8; Ciddor 1996, appendix C: at 0.633 µm and 20 °C, 1000 hPa of dry air
-    /// (450 ppm CO₂) has n − 1 = 26824.4e-8 by his eq. 5; of CO₂ alone 150 ppm are 8e-5 of it.
+    /// Peck & Reeder's dry air of 15 °C is Edlén's within 3e-8. Ciddor 1996, Appl. Opt. 35, 1566, table 1: dry air of
+    /// 20 °C and 1000 hPa has n − 1 = 26824.4e-8 at 0.633 µm; his 450 ppm of CO₂, not 300, make 8e-5 of it.
     #[test]
     fn edlen_s_air_refracts_as_peck_and_reeder_s_and_ciddor_s() {
         for l in [0.4, 0.55, 1.0] {

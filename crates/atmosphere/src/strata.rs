@@ -37,6 +37,8 @@ const WARMED: f64 = 2000.0;
 const FINE: f64 = 250.0;
 /// Mean radius of the Earth in LOWTRAN 7 and AFGL's temperate atmospheres \[m\] \[Kneizys1988\].
 const EARTH: f64 = 6_371_230.0;
+/// Above this altitude \[km\] vapour is not held against saturation over water.
+const MOIST: f64 = 15.0;
 /// g/R_d \[K m⁻¹\].
 const KELVIN_PER_METRE: f64 = 9.806_65 / 287.04;
 /// Share of oxygen in the air \[Anderson1986\].
@@ -72,8 +74,8 @@ impl Site {
     /// Cuts a column.
     ///
     /// # Errors
-    /// `A01` for an unknown profile or aerosol, or a cloud that is not above its base; `A02` for a sounding that does not
-    /// reach the site; and what the aerosol makes of its arguments.
+    /// `A01` for an unknown profile or aerosol, or a cloud whose top is not above its base; and what the aerosol makes of
+    /// its arguments.
     pub fn new(column: &Column) -> Result<Self, AtmosphereError> {
         let mut notes = Vec::new();
         let air = weathered(column, &mut notes)?;
@@ -93,12 +95,13 @@ impl Site {
                 Haze::from_extinction(surface_extinction(visibility, rayleigh), elevation)
             }
         };
-        notes.push(format!("aerosol optical depth at 550 nm: {:.4}", haze.optical_depth));
         let regions = regions(&haze, &air, elevation, &heights, aerosol);
-        for region in &regions {
+        let parts = regions.iter().map(|region| {
             let depth: f64 = region.depth.iter().sum();
-            notes.push(format!("  {depth:.4} of it at a relative humidity of {:.0} %", 100.0 * region.humidity));
-        }
+            format!("{depth:.4} at a relative humidity of {:.0} %", 100.0 * region.humidity)
+        });
+        let parts = parts.collect::<Vec<String>>().join(", ");
+        notes.push(format!("aerosol optical depth at 550 nm: {:.4} ({parts})", haze.optical_depth).replace(" ()", ""));
         let cloud = clouds(column, &heights);
         let refractivity = (heights.iter())
             .map(|height| {
@@ -130,6 +133,7 @@ impl Site {
             coverage::check("the aerosol", region.aerosol.domain(), grid)?;
         }
         let mut media = Vec::with_capacity(grid.len());
+        // Terms g of one node share all but the lines.
         let mut shared: Option<(u32, f64, Scatterers, Arc<BinAbsorption>)> = None;
         for entry in grid.entries() {
             let wavelength = entry.wavelength.um();
@@ -137,12 +141,17 @@ impl Site {
             let node = usize::from(wavelength > bin.centre());
             let same = shared.as_ref().is_some_and(|(bin, at, ..)| *bin == entry.bin && *at == wavelength);
             if !same {
-                shared = Some((entry.bin, wavelength, self.scatterers(wavelength), BinAbsorption::of(bin)));
+                let gas = BinAbsorption::of(bin);
+                let mut scatterers = self.scatterers(wavelength);
+                for (layer, amounts) in scatterers.layers.iter_mut().zip(&self.gases) {
+                    layer.absorption += gas.smooth(node, amounts);
+                }
+                shared = Some((entry.bin, wavelength, scatterers, gas));
             }
             let Some((_, _, scatterers, gas)) = &shared else { unreachable!("set above") };
             let layers = (scatterers.layers.iter().zip(&self.gases))
                 .map(|(layer, amounts)| Layer {
-                    absorption: layer.absorption + gas.optical_depth(node, usize::from(entry.g), amounts),
+                    absorption: layer.absorption + gas.lines(node, usize::from(entry.g), amounts),
                     scattering: layer.scattering.clone(),
                 })
                 .collect();
@@ -185,7 +194,7 @@ fn weathered(column: &Column, notes: &mut Vec<String>) -> Result<Profile, Atmosp
     let profile = column.levels()?;
     let elevation = column.elevation;
     let surface = profile.at(elevation);
-    let heavier = column.pressure.map_or(1.0, |pressure| pressure.max(0.0) / surface.p);
+    let heavier = column.pressure.map_or(1.0, |pressure| pressure.max(0.1) / surface.p);
     let warmer = column.temperature.map_or(0.0, |temperature| temperature - surface.t);
 
     // From the site up, with its own level at the ground.
@@ -221,7 +230,7 @@ fn weathered(column: &Column, notes: &mut Vec<String>) -> Result<Profile, Atmosp
     if column.water.is_none() && (column.humidity.is_some() || column.temperature.is_some()) {
         for level in &mut levels {
             let most = 1e6 * saturation_pressure(level.t) / level.p;
-            if level.h2o > most * (1.0 + 1e-9) && level.z < 20.0 {
+            if level.h2o > most * (1.0 + 1e-9) && level.z < MOIST {
                 level.h2o = most;
                 dried += 1;
             }
@@ -234,6 +243,11 @@ fn weathered(column: &Column, notes: &mut Vec<String>) -> Result<Profile, Atmosp
     if let Some(water) = column.water {
         let scale = water.max(0.0) / air.water(elevation).1;
         air = air.scaled(scale, 1.0);
+        let humidity = |level: &Level| 1e-6 * level.h2o * level.p / saturation_pressure(level.t);
+        let wettest = air.levels().iter().filter(|level| level.z < MOIST).map(humidity).fold(0.0, f64::max);
+        if wettest > 1.0 {
+            notes.push(format!("so much water makes {:.0} % of relative humidity somewhere", 100.0 * wettest));
+        }
     }
     if let Some(ozone) = column.ozone {
         let scale = ozone.max(0.0) / air.ozone(elevation).1;
@@ -338,6 +352,8 @@ fn chosen(column: &Column) -> Result<Arc<dyn Aerosol>, AtmosphereError> {
 
 /// Shares the haze out among the aerosols of the boundary layer, troposphere, stratosphere and upper air.
 fn regions(haze: &Haze, air: &Profile, elevation: f64, heights: &[f64], aerosol: Arc<dyn Aerosol>) -> Vec<Region> {
+    /// Points of a layer at which the shares are taken.
+    const PARTS: u32 = 8;
     let depth = within(&haze.vertical, haze.optical_depth, heights);
     if haze.optical_depth <= 0.0 {
         return Vec::new();
@@ -361,10 +377,14 @@ fn regions(haze: &Haze, air: &Profile, elevation: f64, heights: &[f64], aerosol:
     };
     (aerosols.into_iter())
         .map(|(aerosol, of)| {
-            let depth: Vec<f64> = (middle.iter().zip(&depth))
-                .map(|(height, depth)| {
-                    let shares = haze::shares(haze::table_altitude(*height, elevation));
-                    depth * shares.iter().zip(of).map(|(share, of)| share * of).sum::<f64>()
+            let depth: Vec<f64> = (heights.windows(2).zip(&depth))
+                .map(|(pair, depth)| {
+                    let share: f64 = (0..PARTS)
+                        .map(|i| pair[1] + (pair[0] - pair[1]) * (f64::from(i) + 0.5) / f64::from(PARTS))
+                        .map(|height| haze::shares(haze::table_altitude(height, elevation)))
+                        .map(|shares| shares.iter().zip(of).map(|(share, of)| share * of).sum::<f64>())
+                        .sum();
+                    depth * share / f64::from(PARTS)
                 })
                 .collect();
             let total: f64 = depth.iter().sum();
@@ -439,7 +459,8 @@ mod tests {
         medium.layers.iter().map(|layer| layer.scattering[phase]).sum()
     }
 
-    /// The path through every layer over its thickness for an apparent zenith angle at the ground: Bouguer's law, n r sin z = const.
+    /// The path through every layer over its thickness, for an apparent zenith angle at the ground: Bouguer's law,
+    /// n r sin z = const.
     fn slant(strata: &Strata, zenith: f64) -> Vec<f64> {
         let n0 = 1.0 + strata.refractivity[strata.refractivity.len() - 1];
         let c = n0 * strata.radius * zenith.sin();
@@ -460,56 +481,71 @@ mod tests {
             .collect()
     }
 
-    /// Means over 5 nm of the direct beam's transmittance against LOWTRAN 7 itself, to air mass 9: at most 0.01 to air mass 2 and 0.015
-    /// beyond. O₂–O₂ and NO₂, which LOWTRAN 7 lacks here, are taken out.
+    /// Means over 5 nm of the direct beam's transmittance against LOWTRAN 7 itself, four profiles to air mass 9,
+    /// component by component: within 0.003 to air mass 2 and 0.008 beyond. The terms account for 0.002; the
+    /// continuum, one coefficient a half bin, for the rest where it is steep (0.007 at 930 nm, under lines that are
+    /// black by then); else layers, LOWTRAN's 33 levels and single precision. O₂–O₂ and NO₂, which LOWTRAN 7 lacks
+    /// here, are taken out.
     #[test]
     fn the_gases_transmit_what_lowtran_7_has() {
         let grid = grid();
-        let start = std::time::Instant::now();
-        let rows: Vec<&str> = include_str!("../tests/data/lowtran7_transmittance.csv")
-            .lines()
+        let rows: Vec<Vec<&str>> = (include_str!("../tests/data/lowtran7_transmittance.csv").lines())
             .filter(|line| !line.starts_with('#'))
             .skip(1)
+            .map(|line| line.split(',').collect())
             .collect();
-        let mut worst = [[(0.0f64, 0.0, ""); 4]; 2];
-        for name in ["tropical", "midlatitude_summer", "subarctic_winter", "us_standard"] {
-            let mut site = Site::new(&Column { profile: name.to_string(), aod: Some(0.0), ..column() }).unwrap();
-            for amounts in &mut site.gases {
-                *amounts = Amounts { nitrogen_dioxide: 0.0, nitrogen_dioxide_warm: 0.0, oxygen_pairs: 0.0, ..*amounts };
-            }
-            let media = site.media(&grid).unwrap();
-            for zenith in [0.0, 60.0, 78.5, 84.3] {
-                let slant = slant(&site.strata, f64::to_radians(zenith));
-                let mut gas = vec![0.0; 120];
-                let mut all = vec![0.0; 120];
-                for (entry, medium) in grid.entries().iter().zip(&media) {
-                    let path = |of: &dyn Fn(&Layer) -> f64| -> f64 {
-                        medium.layers.iter().zip(&slant).map(|(layer, slant)| of(layer) * slant).sum()
-                    };
-                    gas[entry.bin as usize] += entry.weight * (-path(&|layer| layer.absorption)).exp();
-                    all[entry.bin as usize] += entry.weight * (-path(&Layer::extinction)).exp();
-                }
-                let listed = rows.iter().filter(|row| {
-                    let mut cells = row.split(',');
-                    cells.next().is_some_and(|cell| cell.starts_with(name))
-                        && cells.next().is_some_and(|cell| cell.parse() == Ok(zenith))
-                });
-                let mut count = 0;
-                for (i, row) in listed.enumerate() {
-                    let cell = |j: usize| row.split(',').nth(j).unwrap().parse::<f64>().unwrap();
-                    let far = usize::from(zenith > 60.0);
-                    for (k, difference) in [gas[i] - cell(8), all[i] - cell(10)].into_iter().enumerate() {
-                        if difference.abs() > worst[far][k].0.abs() {
-                            worst[far][k] = (difference, cell(2), name);
+        // Columns of the file, and what of a layer's absorbers and scatterers makes them.
+        type Keep = fn(&Amounts) -> Amounts;
+        let all: Keep = |a| Amounts { nitrogen_dioxide: 0.0, nitrogen_dioxide_warm: 0.0, oxygen_pairs: 0.0, ..*a };
+        let components: [(&str, usize, Keep, bool); 6] = [
+            ("water's lines", 4, |a| Amounts { water: a.water, ..Amounts::default() }, false),
+            (
+                "water's continuum",
+                5,
+                |a| Amounts {
+                    water_self: a.water_self,
+                    water_self_cold: a.water_self_cold,
+                    water_foreign: a.water_foreign,
+                    ..Amounts::default()
+                },
+                false,
+            ),
+            ("oxygen", 6, |a| Amounts { oxygen: a.oxygen, ..Amounts::default() }, false),
+            ("ozone", 7, |a| Amounts { ozone: a.ozone, ..Amounts::default() }, false),
+            ("gases", 8, all, false),
+            ("gases and molecules", 10, all, true),
+        ];
+        for (component, cell, keep, scattering) in components {
+            let mut worst = [(0.0f64, "", "", ""); 2];
+            for name in ["tropical", "midlatitude_summer", "subarctic_winter", "us_standard"] {
+                let mut site = Site::new(&Column { profile: name.to_string(), aod: Some(0.0), ..column() }).unwrap();
+                site.gases.iter_mut().for_each(|amounts| *amounts = keep(amounts));
+                let media = site.media(&grid).unwrap();
+                for zenith in ["0.0", "60.0", "78.5", "84.3"] {
+                    let slant = slant(&site.strata, zenith.parse::<f64>().unwrap().to_radians());
+                    let mut found = vec![0.0; 120];
+                    for (entry, medium) in grid.entries().iter().zip(&media) {
+                        let depth: f64 = (medium.layers.iter().zip(&slant))
+                            .map(|(layer, slant)| {
+                                slant * if scattering { layer.extinction() } else { layer.absorption }
+                            })
+                            .sum();
+                        found[entry.bin as usize] += entry.weight * (-depth).exp();
+                    }
+                    let listed: Vec<_> =
+                        rows.iter().filter(|row| row[0].starts_with(name) && row[1] == zenith).collect();
+                    assert_eq!(listed.len(), 120);
+                    for (row, found) in listed.into_iter().zip(found) {
+                        let difference = found - row[cell].parse::<f64>().unwrap();
+                        let worst = &mut worst[usize::from(zenith > "60.0")];
+                        if difference.abs() > worst.0.abs() {
+                            *worst = (difference, row[2], name, zenith);
                         }
                     }
-                    count += 1;
                 }
-                assert_eq!(count, 120);
             }
+            assert!(worst[0].0.abs() < 0.003 && worst[1].0.abs() < 0.008, "{component}: {worst:?}");
         }
-        println!("{worst:?} {:?}", start.elapsed());
-        assert!(worst[0][0].0.abs() < 0.01 && worst[1][0].0.abs() < 0.015);
     }
 
     #[test]
@@ -606,15 +642,18 @@ mod tests {
         assert!((0.15e-3..0.25e-3).contains(&(no2(&plain) / LOSCHMIDT)), "{}", no2(&plain) / LOSCHMIDT);
     }
 
-    /// The published vertical optical depths of O₂–O₂ over the sea, 0.005 to 0.015, and 7 % of absorption in the continuum of
-    /// water at 0.935 µm.
+    /// The published vertical optical depths of O₂–O₂ over the sea, 0.005 to 0.015: 0.0439 n² H/2 of the peaks, H the
+    /// scale height of air. LOWTRAN 7's continuum of water takes 7.25 % out of 935–940 nm.
     #[test]
     fn pairs_of_oxygen_and_the_continuum_absorb_as_published() {
         let site = Site::new(&Column { aod: Some(0.0), ..column() }).unwrap();
         let depth = |wavelength: f64, keep: &dyn Fn(&Amounts) -> Amounts| -> f64 {
-            let bin = Bin { lower: wavelength - 1e-3, upper: wavelength + 1e-3, band: None };
+            let bin = Bin { lower: wavelength - 2.5e-3, upper: wavelength + 2.5e-3, band: None };
             let absorption = BinAbsorption::of(&bin);
-            site.gases.iter().map(|amounts| absorption.optical_depth(0, 0, &keep(amounts))).sum()
+            site.gases
+                .iter()
+                .map(|amounts| 0.5 * (absorption.smooth(0, &keep(amounts)) + absorption.smooth(1, &keep(amounts))))
+                .sum()
         };
         let pairs = |a: &Amounts| Amounts { oxygen_pairs: a.oxygen_pairs, ..Amounts::default() };
         for (wavelength, low, high) in [(0.4773, 0.006, 0.01), (0.5772, 0.011, 0.016), (0.63, 0.007, 0.011)] {
@@ -627,8 +666,8 @@ mod tests {
             water_foreign: a.water_foreign,
             ..Amounts::default()
         };
-        let lost = 1.0 - (-depth(0.935, &continuum)).exp();
-        assert!((0.06..0.08).contains(&lost), "{lost}");
+        let lost = 1.0 - (-depth(0.9375, &continuum)).exp();
+        assert!((lost - 0.0725).abs() < 0.002, "{lost}");
     }
 
     #[test]
@@ -657,16 +696,18 @@ mod tests {
     }
 
     #[test]
-    fn media_of_a_whole_spectrum_are_made_fast() {
+    fn optical_depths_of_a_whole_spectrum_are_finite_and_not_negative() {
         let grid = grid();
-        let site = Site::new(&column()).unwrap();
-        site.media(&grid).unwrap();
-        let start = std::time::Instant::now();
-        let media = site.media(&grid).unwrap();
-        println!("{} entries, {} layers: {:?}", media.len(), media[0].layers.len(), start.elapsed());
-        for note in site.notes() {
-            println!("{note}");
+        for (temperature, humidity, elevation) in [(240.0, 0.0, 0.0), (318.0, 1.0, -400.0), (270.0, 0.5, 8800.0)] {
+            let weather = Column { temperature: Some(temperature), humidity: Some(humidity), elevation, ..column() };
+            let site = Site::new(&weather).unwrap();
+            for medium in site.media(&grid).unwrap() {
+                for layer in &medium.layers {
+                    assert_eq!(layer.scattering.len(), medium.phases.len());
+                    let good = |depth: &f64| depth.is_finite() && *depth >= 0.0;
+                    assert!(good(&layer.absorption) && layer.scattering.iter().all(good), "{layer:?}");
+                }
+            }
         }
-        assert!(media.iter().all(|medium| medium.layers.iter().all(|layer| layer.absorption >= 0.0)));
     }
 }
