@@ -44,12 +44,14 @@ pub(crate) struct Optics {
     streams: usize,
 }
 
-/// Largest scaled optical depth of a part at that many streams: J is a parabola within it.
+/// Largest scaled optical depth of a part, within which J is taken as a parabola.
 fn thickest(streams: usize) -> f64 {
-    0.4 / streams as f64
+    (12.8 / (streams * streams) as f64).clamp(0.006, 0.1)
 }
-/// Parts a layer is cut in at most: where it takes more, light of its interior hardly gets out.
-const MOST_PARTS: usize = 500;
+/// Where a layer scatters less than this share of its extinction, its parts are thicker in proportion: J counts for less.
+const PALE: f64 = 0.2;
+/// Parts a layer is cut in at most.
+const MOST_PARTS: usize = 800;
 
 impl Optics {
     pub fn new(medium: &Medium, shells: &Shells, streams: usize) -> Self {
@@ -78,7 +80,8 @@ impl Optics {
                 true => (0..streams).map(|l| (2.0 * l as f64 + 1.0) * (mean(l) - peak) / depth).collect(),
                 false => vec![0.0; streams],
             };
-            let parts = ((depth / thickest(streams)).ceil() as usize).clamp(1, MOST_PARTS);
+            let worth = depth.min((scattering - peak) / PALE);
+            let parts = ((worth / thickest(streams)).ceil() as usize).clamp(1, MOST_PARTS);
             optics.extinction.push(layer.extinction() * per_metre);
             optics.scaled.push(depth * per_metre);
             optics.scattering.extend(layer.scattering.iter().map(|s| s * per_metre));
