@@ -20,7 +20,8 @@ fn main() -> ExitCode {
         let found = sweep::violations(seed);
         if !found.is_empty() {
             wrong.fetch_add(1, Ordering::Relaxed);
-            println!("seed {seed}\n  {}", found.join("\n  "));
+            let (file, _) = sweep::file(&mut sweep::Random::new(seed));
+            println!("seed {seed}\n  {}\n{file}", found.join("\n  "));
         }
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         if done.is_multiple_of(1000) {
