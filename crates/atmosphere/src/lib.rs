@@ -31,6 +31,8 @@ mod spectrl2;
 mod strata;
 mod sun;
 mod table;
+#[cfg(test)]
+mod validation;
 mod vertical;
 
 pub use aerosol::{AEROSOLS, Aerosol, AerosolOptics};
