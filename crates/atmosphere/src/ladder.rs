@@ -62,6 +62,11 @@ impl Ladder {
         Self { columns, shares, reference: site.absorbing(REFERENCE, [0.0; 2]) }
     }
 
+    /// One column for entries that are all alike.
+    pub fn of_all(media: &[Medium]) -> Self {
+        Self { columns: vec![media[0].clone()], shares: vec![vec![(0, 1.0)]; media.len()], reference: media[0].clone() }
+    }
+
     /// Every entry its own.
     pub fn of_every(media: &[Medium], reference: Medium) -> Self {
         Self { columns: media.to_vec(), shares: (0..media.len()).map(|i| vec![(i, 1.0)]).collect(), reference }

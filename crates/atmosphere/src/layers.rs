@@ -9,6 +9,7 @@ use sunglint_radiometry::{Dimension, SpectralGrid};
 
 use crate::column_sky::{self, ColumnAir, Settings};
 use crate::interpolation::OntoGrid;
+use crate::ladder::Ladder;
 use crate::medium::{Layer, Medium, Strata};
 use crate::none::{self, HSRS};
 use crate::phase::Phase;
@@ -119,8 +120,6 @@ pub const MODEL: Model<dyn Atmosphere> = Model {
             streams: args.count("streams").map_or(AUTOMATIC, streams),
             spherical: args.word("geometry") == Some("spherical"),
             accuracy: args.number("accuracy").unwrap_or(1e-3),
-            // Of entries that are all alike a few speak for the rest.
-            every_entry: components.iter().any(|component| !component.wavelengths.is_empty()),
         };
         Ok(Arc::new(Layers {
             name: file.name.clone(),
@@ -690,7 +689,12 @@ impl Atmosphere for Layers {
                 radius: EARTH + column.elevation,
             },
             media: self.media(grid)?,
-            wavelengths: grid.wavelengths_um(),
+            ladder: {
+                let alike = self.components.iter().all(|component| component.wavelengths.is_empty());
+                Box::new(
+                    move |media| if alike { Ladder::of_all(media) } else { Ladder::of_every(media, media[0].clone()) },
+                )
+            },
             solar,
             albedo: column.ground_albedo.clone(),
             notes: self.notes.clone(),

@@ -47,7 +47,8 @@ use sunglint_plugin::Model;
 use sunglint_radiometry::{Bin, SpectralGrid};
 
 /// The atmospheres this build knows.
-pub const BUILTIN: &[Model<dyn Atmosphere>] = &[none::MODEL, table::MODEL, spectrl2::MODEL, measured::MODEL, layered::MODEL, layers::MODEL];
+pub const BUILTIN: &[Model<dyn Atmosphere>] =
+    &[none::MODEL, table::MODEL, spectrl2::MODEL, measured::MODEL, layered::MODEL, layers::MODEL];
 
 /// Why a provider gives no answer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

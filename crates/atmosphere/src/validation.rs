@@ -7,9 +7,10 @@ use std::sync::Arc;
 use sunglint_radiometry::{SpectralGrid, WorldDir};
 
 use crate::column_sky::{self, ColumnAir, Settings};
+use crate::ladder::Ladder;
 use crate::medium::{Layer, Medium, Strata};
 use crate::phase::Phase;
-use crate::radiance::{Lattice, Look, Optics, Sight, SunRays, gather_ground, solve_entry};
+use crate::radiance::{Look, Probe};
 use crate::ray::Shells;
 use crate::strata::Site;
 use crate::{Cloud, Column, Needs, Path, SkyState, Sun};
@@ -40,7 +41,11 @@ impl Worst {
     fn print(&self, title: &str) {
         eprintln!("{title}: class, worst, root mean square, cases, where the worst is");
         for (class, (worst, squares, n, place)) in &self.0 {
-            eprintln!("  {class}: {:+.3} %, {:.3} %, {n}, {place}", 100.0 * worst, 100.0 * (squares / *n as f64).sqrt());
+            eprintln!(
+                "  {class}: {:+.3} %, {:.3} %, {n}, {place}",
+                100.0 * worst,
+                100.0 * (squares / *n as f64).sqrt()
+            );
         }
     }
 }
@@ -69,27 +74,27 @@ fn light_scattered_once_in_shells_is_that_of_sasktran2() {
         }
         let medium = Medium { layers: layers.collect(), phases };
         let shells = Shells::new(&strata, true);
-        let optics = Optics::new(&medium, &shells, streams);
-        let lattice = Lattice::new(&shells, &optics);
         for sun_deg in ["30.0", "60.0", "75.0", "85.0", "88.0"] {
             let sun = number(sun_deg).to_radians();
-            let rays = Arc::new(SunRays::new(&shells, &lattice, sun, true));
-            let (lit, _) = solve_entry(&optics, &[rays], true, 1e-3);
+            let probe = Probe::new(shells.clone(), &medium, streams, sun, 1e-3);
             for row in rows.iter().filter(|row| row[0] == name && row[1] == sun_deg) {
                 let (view, dphi, due) = (number(&row[3]).to_radians(), number(&row[4]).to_radians(), number(&row[5]));
                 let up = row[2] == "up";
                 let (look, azimuth) = if up { (Look::Down, PI - dphi) } else { (Look::Up, dphi) };
-                let sight = Sight::new(&shells, &lattice, (0.0, view), (shells.top(), f64::INFINITY), streams, 0);
-                let once = lit[0].gather(&optics, &sight, look, sun, azimuth).once;
+                let once = probe.gather(look, view, azimuth).0.once;
                 let level = if up { -view.cos() * sun.cos() } else { view.cos() * sun.cos() };
                 let cos = level + view.sin() * sun.sin() * dphi.cos();
                 let found: f64 = once.iter().zip(&medium.phases).map(|(k, phase)| k * phase.value(cos)).sum();
                 let place = || format!("{row:?}: {found:.6e}");
                 worst.add(format!("view {:>4} {:>4}", row[3], row[2]), found / due - 1.0, place);
-                worst.add(format!("sun {:>4} {:>4}, view to 85", sun_deg, row[2]), match number(&row[3]) <= 85.0 {
-                    true => found / due - 1.0,
-                    false => 0.0,
-                }, place);
+                worst.add(
+                    format!("sun {:>4} {:>4}, view to 85", sun_deg, row[2]),
+                    match number(&row[3]) <= 85.0 {
+                        true => found / due - 1.0,
+                        false => 0.0,
+                    },
+                    place,
+                );
             }
         }
     }
@@ -100,7 +105,7 @@ fn light_scattered_once_in_shells_is_that_of_sasktran2() {
     }
 }
 
-const PLANE: Settings = Settings { streams: 16, spherical: false, accuracy: 1e-3, every_entry: true };
+const PLANE: Settings = Settings { streams: 16, spherical: false, accuracy: 1e-3 };
 const ROUND: Settings = Settings { spherical: true, ..PLANE };
 const ALL: Needs =
     Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true, path_heights: None };
@@ -140,7 +145,7 @@ fn solved(strata: &Strata, medium: &Medium, albedo: f64, suns: &[f64], settings:
     let air = ColumnAir {
         strata: strata.clone(),
         media: vec![medium.clone()],
-        wavelengths: vec![0.55],
+        ladder: Box::new(Ladder::of_all),
         solar: vec![1.0],
         albedo: vec![albedo],
         notes: Vec::new(),
@@ -164,13 +169,10 @@ fn the_sky_between_its_nodes_is_what_is_gathered_there() {
         let shells = Shells::new(&strata, true);
         for wavelength in [0.42, 0.55, 0.87] {
             let medium = medium(&site, wavelength);
-            let optics = Optics::new(&medium, &shells, ROUND.streams);
-            let lattice = Lattice::new(&shells, &optics);
             for sun_deg in [20.0f64, 60.0, 80.0, 88.0] {
                 let sun = sun_deg.to_radians();
                 let sky = solved(&strata, &medium, 0.2, &[sun], &ROUND).remove(0);
-                let rays = Arc::new(SunRays::new(&shells, &lattice, sun, true));
-                let (lit, ground) = solve_entry(&optics, &[rays], false, ROUND.accuracy);
+                let probe = Probe::new(shells.clone(), &medium, ROUND.streams, sun, ROUND.accuracy);
                 let beam = sun.cos() * sky.sun_transmittance()[0];
                 let shining = 0.2 * (beam + sky.diffuse_irradiance()[0]) / PI;
                 for i in 0..300 {
@@ -192,12 +194,9 @@ fn the_sky_between_its_nodes_is_what_is_gathered_there() {
                     if away < 1.0 {
                         continue;
                     }
-                    let end = (shells.top(), f64::INFINITY);
-                    let sight = Sight::new(&shells, &lattice, (0.0, zenith), end, ROUND.streams, ROUND.streams);
                     let cos = away.to_radians().cos();
-                    let gathered = lit[0].gather(&optics, &sight, Look::Up, sun, azimuth);
-                    let due = gathered.radiance(&optics, cos, azimuth)
-                        + shining * gather_ground(&optics, &ground, &sight, Look::Up);
+                    let (gathered, ground, _) = probe.gather(Look::Up, zenith, azimuth);
+                    let due = gathered.radiance(&probe.optics, cos, azimuth) + shining * ground;
                     let mut found = [0.0];
                     sky.sky_radiance(direction, &mut found);
                     let degrees = zenith.to_degrees();
@@ -213,7 +212,9 @@ fn the_sky_between_its_nodes_is_what_is_gathered_there() {
                     };
                     let turn = azimuth.to_degrees();
                     worst.add(format!("sun {sun_deg}, {class}"), found[0] / due - 1.0, || {
-                        format!("{wavelength} µm, {visibility} km, zenith {degrees:.2}, azimuth {turn:.2}, {away:.2} away")
+                        format!(
+                            "{wavelength} µm, {visibility} km, zenith {degrees:.2}, azimuth {turn:.2}, {away:.2} away"
+                        )
                     });
                 }
             }

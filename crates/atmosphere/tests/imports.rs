@@ -66,7 +66,8 @@ fn solve_for(provider: &Arc<dyn Atmosphere>, sun: Sun, needs: Needs) -> Result<B
     Ok(provider.solve(&column, &[sun], &grid(), &needs)?.remove(0))
 }
 
-const ALL: Needs = Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true };
+const ALL: Needs =
+    Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true, path_heights: None };
 
 fn sun() -> Sun {
     Sun::at(ZENITH.to_radians(), 1.0)
