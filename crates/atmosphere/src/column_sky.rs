@@ -293,7 +293,7 @@ impl Nodes {
                 let fields = &lattices.fields[column.lattice];
                 let depths: Vec<SunDepths> = suns.iter().map(|sun| sun.depths(optics)).collect();
                 let mut sky = NodeSky {
-                    by_sun: vec![vec![0.0; self.len()]; suns.len()],
+                    by_sun: vec![vec![[0.0; 2]; self.len()]; suns.len()],
                     by_ground: Vec::with_capacity(self.zeniths.len()),
                     black: (suns.iter().enumerate())
                         .map(|(i, sun)| {
@@ -321,7 +321,7 @@ impl Nodes {
                                 mixed = Gathered::mixed(&all, &mixes[j][k]);
                                 &mixed
                             };
-                            out[self.index(j, k)] = one.radiance(optics, cos, *azimuth);
+                            out[self.index(j, k)] = one.parts(optics, cos, *azimuth);
                         }
                     }
                 }
@@ -338,8 +338,8 @@ fn cosine_between((a, b): (f64, f64), azimuth: f64) -> f64 {
 
 /// The sky of one column at the nodes, E_s = 1.
 struct NodeSky {
-    /// L over a black ground, by sun and node.
-    by_sun: Vec<Vec<f64>>,
+    /// L over a black ground, by sun and node: what varies slowly, and what peaked scatterers make of the beam.
+    by_sun: Vec<Vec<[f64; 2]>>,
     /// L of a ground of radiance 1, by zenith angle.
     by_ground: Vec<f64>,
     /// E_d over a black ground, by sun.
@@ -348,20 +348,21 @@ struct NodeSky {
     returned: f64,
 }
 
-/// What the sky looks like on the whole: single scattering by the column's mean phase function at one entry, with a constant
-/// for the rest. What the nodes carry is the sky over this, which is smooth even at the sun and at the horizon.
+/// What the sky looks like on the whole, by the column of reference: the light that varies slowly over it, and the light of
+/// the beam that peaked scatterers turn, whose phase function is taken apart. What the nodes carry is either part over this,
+/// which varies little even at the sun and at the horizon.
 #[derive(Clone, Debug)]
 struct Shape {
     sun: WorldDir,
-    /// Mean P + a constant, at scattering angles π (i/n)².
+    /// What peaked scatterers make of the beam, at scattering angles π (i/n)²; empty where there are none.
     halo: Vec<f64>,
-    /// ln of what single scattering gathers, at zenith angles of even steps.
-    thickness: Vec<f64>,
+    /// ln of either part (the peaked one without its P), by azimuth 0, π/2, π and zenith angle in even steps.
+    parts: [[Vec<f64>; 3]; 2],
 }
 
 impl Shape {
-    const HALO: usize = 240;
-    const THICKNESS: usize = 90;
+    const HALO: usize = 360;
+    const STEPS: usize = 90;
 
     /// Of each sun, from one column.
     fn of_suns(medium: &Medium, shells: &Shells, zeniths: &[f64], settings: &Settings) -> Vec<Self> {
@@ -369,55 +370,65 @@ impl Shape {
         let mut lattices = Lattices::default();
         lattices.of(shells, &optics, zeniths);
         let (lattice, fields) = (&lattices.lattices[0], &lattices.fields[0]);
-        let solution = solve_entry(&optics, fields, true, settings.accuracy);
+        let solution = solve_entry(&optics, fields, false, settings.accuracy);
         let all = (shells.top(), f64::INFINITY);
-        let rays: Vec<(Sight, Weighed)> = (0..=Self::THICKNESS)
+        let rays: Vec<(f64, Sight, Weighed, Vec<Projected>)> = (0..=Self::STEPS)
+            .into_par_iter()
             .map(|i| {
-                let zenith = FRAC_PI_2 * i as f64 / Self::THICKNESS as f64;
-                let sight = Sight::new(shells, lattice, Look::Up, (0.0, zenith), all, settings.streams, 1);
+                let zenith = FRAC_PI_2 * i as f64 / Self::STEPS as f64;
+                let streams = settings.streams;
+                let sight = Sight::new(shells, lattice, Look::Up, (0.0, zenith), all, streams, streams);
                 let weighed = Weighed::new(&optics, &sight);
-                (sight, weighed)
+                let mut projected = vec![Projected::default(); solution.beams.len()];
+                for (field, out) in solution.beams.iter().zip(&mut projected) {
+                    weighed.project(field, sight.is_flat(), out);
+                }
+                (zenith, sight, weighed, projected)
             })
             .collect();
         (zeniths.par_iter().enumerate())
-            .map(|(s, zenith)| {
-                let sun = &lattices.rays[0][s];
-                let depths = sun.depths(&optics);
-                let gathered = |i: usize, projected: &[Projected]| {
-                    let (sight, weighed) = &rays[i];
-                    let fan = Fan::new(sight, sun, fields, s, &[FRAC_PI_2]);
-                    gather(&optics, sight, weighed, &fan, &depths, projected).remove(0)
-                };
-                let none = vec![Projected::default(); solution.beams.len()];
-                let thickness =
-                    (0..rays.len()).map(|i| gathered(i, &none).once.iter().sum::<f64>().max(1e-300).ln()).collect();
-                // Light scattered more than once, against what is gathered of light scattered once, at a middle angle.
-                let middle = Self::THICKNESS / 2;
-                let mut projected = none.clone();
-                for (field, out) in solution.beams.iter().zip(&mut projected) {
-                    rays[middle].1.project(field, false, out);
+            .map(|(s, sun)| {
+                let own = &lattices.rays[0][s];
+                let depths = own.depths(&optics);
+                let mut parts: [[Vec<f64>; 3]; 2] = Default::default();
+                let mut halo = Vec::new();
+                for (zenith, sight, weighed, projected) in &rays {
+                    let fan = Fan::new(sight, own, fields, s, &FEW);
+                    let all = gather(&optics, sight, weighed, &fan, &depths, projected);
+                    for (a, (gathered, azimuth)) in all.iter().zip(FEW).enumerate() {
+                        let cos = cosine_between((*zenith, *sun), azimuth);
+                        let [smooth, _] = gathered.parts(&optics, cos, azimuth);
+                        let peaked: f64 = gathered.of_peaked(&optics).map(|(k, _)| k).sum();
+                        parts[0][a].push(smooth.max(1e-300).ln());
+                        parts[1][a].push(peaked.max(1e-300).ln());
+                    }
+                    // At the height of the sun, where the halo counts.
+                    let has_halo = all[0].of_peaked(&optics).any(|(k, _)| k > 0.0);
+                    if halo.is_empty() && has_halo && *zenith >= sun.min(88f64.to_radians()) {
+                        let at = |i: usize| (PI * (i as f64 / Self::HALO as f64).powi(2)).cos();
+                        halo = (0..=Self::HALO).map(|i| all[0].halo(&optics, at(i))).collect();
+                    }
                 }
-                let typical = gathered(middle, &projected);
-                let once: f64 = typical.once.iter().sum();
-                let more = if once > 0.0 { (typical.orders[0] / once).clamp(0.02, 50.0) } else { 1.0 };
-                let halo = (0..=Self::HALO)
-                    .map(|i| {
-                        let cos = (PI * (i as f64 / Self::HALO as f64).powi(2)).cos();
-                        let here: f64 =
-                            typical.once.iter().zip(&optics.phases).map(|(k, phase)| k * phase.value(cos)).sum();
-                        if once > 0.0 { here / once + more } else { 1.0 }
-                    })
-                    .collect();
-                Self { sun: WorldDir::from_zenith_azimuth(*zenith, 0.0), halo, thickness }
+                Self { sun: WorldDir::from_zenith_azimuth(*sun, 0.0), halo, parts }
             })
             .collect()
     }
 
-    /// At a zenith angle and an azimuth from the sun's.
-    fn at(&self, zenith: f64, azimuth: f64) -> f64 {
+    /// Both parts at a zenith angle and an azimuth from the sun's; the second is nothing without peaked scatterers.
+    fn at(&self, zenith: f64, azimuth: f64) -> [f64; 2] {
+        let x = zenith / FRAC_PI_2 * Self::STEPS as f64;
+        let c = azimuth.cos();
+        // Through cos Δφ = 1, 0, −1.
+        let shares = [0.5 * c * (c + 1.0), 1.0 - c * c, 0.5 * c * (c - 1.0)];
+        let part = |part: &[Vec<f64>; 3]| -> f64 {
+            part.iter().zip(shares).map(|(values, share)| share * line(values, x)).sum::<f64>().exp()
+        };
+        if self.halo.is_empty() {
+            return [part(&self.parts[0]), 0.0];
+        }
         let angle = WorldDir::from_zenith_azimuth(zenith, azimuth).angle_to(self.sun);
         let halo = line(&self.halo, (angle / PI).max(0.0).sqrt() * Self::HALO as f64);
-        halo * line(&self.thickness, zenith / FRAC_PI_2 * Self::THICKNESS as f64).exp()
+        [part(&self.parts[0]), halo * part(&self.parts[1])]
     }
 }
 
@@ -496,7 +507,9 @@ impl ColumnSkyState {
 
     /// Brings the radiances of the columns to every entry.
     fn put_sky(&mut self, nodes: &Nodes, shape: Shape, skies: &[NodeSky], place: usize, fluxes: &[Fluxes]) {
-        let mut terms = vec![Vec::with_capacity(self.black.len()); nodes.len()];
+        let peaked = !shape.halo.is_empty();
+        let parts = if peaked { 2 } else { 1 };
+        let mut terms = vec![Vec::with_capacity(self.black.len()); parts * nodes.len()];
         let per = |x: f64| if x > 0.0 { 1.0 / x } else { 0.0 };
         let inverse: Vec<(f64, f64)> = skies.iter().map(|sky| (per(sky.black[place]), per(sky.returned))).collect();
         for (i, shares) in self.shared.shares.iter().enumerate() {
@@ -506,16 +519,26 @@ impl ColumnSkyState {
                 let from_ground = ground * own;
                 for k in 0..nodes.ring(j).len() {
                     let node = nodes.index(j, k);
-                    let own: f64 =
-                        shares.iter().map(|(c, share)| share * skies[*c].by_sun[place][node] * inverse[*c].0).sum();
-                    terms[node].push(sun * own + from_ground);
+                    let mut own = [0.0; 2];
+                    for (c, share) in shares {
+                        let scale = share * inverse[*c].0;
+                        let of_column = skies[*c].by_sun[place][node];
+                        own.iter_mut().zip(of_column).for_each(|(own, l)| *own += scale * l);
+                    }
+                    terms[node].push(sun * own[0] + from_ground);
+                    if peaked {
+                        terms[nodes.len() + node].push(sun * own[1]);
+                    }
                 }
             }
         }
         for (j, zenith) in nodes.zeniths.iter().enumerate() {
             for (k, azimuth) in nodes.ring(j).iter().enumerate() {
-                let scale = 1.0 / shape.at(*zenith, *azimuth);
-                terms[nodes.index(j, k)].iter_mut().for_each(|l| *l *= scale);
+                let node = nodes.index(j, k);
+                for (part, whole) in shape.at(*zenith, *azimuth).into_iter().enumerate().take(parts) {
+                    let scale = per(whole);
+                    terms[part * nodes.len() + node].iter_mut().for_each(|l| *l *= scale);
+                }
             }
         }
         self.terms = terms.into_iter().map(Spectrum::new).collect();
@@ -549,7 +572,7 @@ impl SkyState for ColumnSkyState {
         let zenith = direction.zenith();
         let turn = (direction.azimuth() - self.sun.apparent.azimuth()).rem_euclid(TAU);
         let azimuth = turn.min(TAU - turn);
-        let scale = shape.at(zenith, azimuth);
+        let [smooth, peaked] = shape.at(zenith, azimuth);
         let (j, across) = cubic(&nodes.zeniths, zenith);
         // The sky is even about the sun's vertical plane.
         let step = PI / (AZIMUTHS - 1) as f64;
@@ -569,12 +592,20 @@ impl SkyState for ColumnSkyState {
                     place = 2 * last - place;
                 }
                 let node = nodes.index(j + a, place as usize) as u32;
-                let weight = scale * u * v;
                 match weights.iter_mut().find(|(known, _)| *known == node) {
-                    Some((_, sum)) => *sum += weight,
-                    None => weights.push((node, weight)),
+                    Some((_, sum)) => *sum += u * v,
+                    None => weights.push((node, u * v)),
                 }
             }
+        }
+        if !shape.halo.is_empty() {
+            let n = nodes.len() as u32;
+            for i in 0..weights.len() {
+                weights.push((n + weights[i].0, peaked * weights[i].1));
+            }
+            weights.iter_mut().filter(|(node, _)| *node < n).for_each(|(_, w)| *w *= smooth);
+        } else {
+            weights.iter_mut().for_each(|(_, w)| *w *= smooth);
         }
     }
 

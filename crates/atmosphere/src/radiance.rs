@@ -36,6 +36,8 @@ pub(crate) struct Optics {
     /// Scattering of each layer by phase function \[m⁻¹\], layer by layer.
     scattering: Vec<f64>,
     pub phases: Vec<Arc<Phase>>,
+    /// Which of them delta-M takes a peak from.
+    peaked: Vec<bool>,
     pub layers: Vec<Scaled>,
     /// Scattering by peaked scatterers \[m⁻¹\], and what it does twice.
     tail: Vec<f64>,
@@ -63,6 +65,7 @@ impl Optics {
             scaled: Vec::with_capacity(n),
             scattering: Vec::with_capacity(n * moments.len()),
             phases: medium.phases.clone(),
+            peaked: Vec::new(),
             layers: Vec::with_capacity(n),
             tail: Vec::with_capacity(n),
             twice: None,
@@ -91,6 +94,7 @@ impl Optics {
             optics.tail.push((0..moments.len()).map(of_peaked).sum::<f64>() * per_metre);
             tails.iter_mut().enumerate().for_each(|(c, sum)| *sum += of_peaked(c));
         }
+        optics.peaked = peaked;
         optics.twice = if whole { None } else { Tail::new(&medium.phases, &tails, streams) };
         optics
     }
@@ -806,16 +810,43 @@ pub(crate) struct Gathered {
 impl Gathered {
     /// L at a scattering angle Θ and an azimuth Δφ \[rad\] between the directions in which beam and light travel.
     pub fn radiance(&self, optics: &Optics, cos_scattering: f64, azimuth: f64) -> f64 {
-        let once: f64 = self.once.iter().zip(&optics.phases).map(|(k, phase)| k * phase.value(cos_scattering)).sum();
+        let [smooth, peaked] = self.parts(optics, cos_scattering, azimuth);
+        (smooth + peaked).max(0.0)
+    }
+
+    /// L in two parts: what varies slowly over the sky, and what peaked scatterers make of the beam.
+    pub fn parts(&self, optics: &Optics, cos_scattering: f64, azimuth: f64) -> [f64; 2] {
+        let mut parts = [0.0; 2];
+        for ((k, phase), peaked) in self.once.iter().zip(&optics.phases).zip(&optics.peaked) {
+            if *k > 0.0 {
+                parts[usize::from(*peaked)] += k * phase.value(cos_scattering);
+            }
+        }
+        if let Some(tail) = &optics.twice {
+            parts[1] += self.twice * tail.value(cos_scattering);
+        }
         // cos (m+1)φ = 2 cos φ cos mφ − cos (m−1)φ
         let cos = azimuth.cos();
-        let (mut before, mut now, mut orders) = (cos, 1.0, 0.0);
+        let (mut before, mut now) = (cos, 1.0);
         for l in &self.orders {
-            orders += l * now;
+            parts[0] += l * now;
             (before, now) = (now, 2.0 * cos * now - before);
         }
+        parts
+    }
+
+    /// What peaked scatterers make of the beam, over all that they gather, at a scattering angle.
+    pub fn halo(&self, optics: &Optics, cos_scattering: f64) -> f64 {
+        let all: f64 = self.of_peaked(optics).map(|(k, _)| k).sum();
+        let once: f64 = self.of_peaked(optics).map(|(k, phase)| k * phase.value(cos_scattering)).sum();
         let twice = optics.twice.as_ref().map_or(0.0, |tail| self.twice * tail.value(cos_scattering));
-        (once + orders + twice).max(0.0)
+        if all > 0.0 { (once + twice).max(0.05 * once) / all } else { 0.0 }
+    }
+
+    /// What peaked scatterers gather, each its own.
+    pub fn of_peaked(&self, optics: &Optics) -> impl Iterator<Item = (f64, Arc<Phase>)> {
+        let all = self.once.iter().zip(&optics.phases).zip(&optics.peaked);
+        all.filter(|(_, peaked)| **peaked).map(|((k, phase), _)| (*k, Arc::clone(phase)))
     }
 
     /// A sum of shares of what was gathered at some azimuths.
