@@ -1,8 +1,8 @@
 //! The sky over a solved column: what the providers `layered` and `layers` answer.
 //!
-//! Fluxes and transmittances are solved at every entry of the grid. Radiances are solved at some of them and carried over
-//! to the rest as shares: a node of the sky as L/E_d, a path as L_u over what scatters along it. A share changes slowly
-//! with wavelength and with the absorption of gases; entries are solved where either has gone on by a stated step.
+//! Fluxes and transmittances are solved at every entry of the grid. Radiances are solved for the columns of a [`Ladder`] and
+//! carried over as shares: a direction of the sky as L/E_d, a path as L_u over what scatters along it. A share changes slowly
+//! with wavelength and with the absorption of gases.
 //!
 //! ```text
 //! L = L₀ + L_g G,   L_g = A (E_b + E_d0)/(π (1 − A S))      ground albedo A, without solving again [Chandrasekhar1960, ch. XI]
@@ -16,10 +16,14 @@ use std::sync::Arc;
 use rayon::prelude::*;
 use sunglint_radiometry::{Irradiance, Radiance, Spectrum, Transmittance, WorldDir};
 
+use crate::ladder::Ladder;
 use crate::medium::{Layer, Medium, Strata};
-use crate::radiance::{Gathered, Lattice, Lit, Look, Optics, Sight, SunRays, gather_ground, solve_entry};
+use crate::radiance::{
+    Fan, FieldSuns, Gathered, Lattice, Look, Optics, Sight, SunDepths, SunRays, Weighed, gather, gather_ground,
+    solve_entry,
+};
 use crate::ray::Shells;
-use crate::solver::Field;
+use crate::solver::{Field, Solution};
 use crate::{Needs, Path, SkyState, Sun};
 
 /// How a column is solved.
@@ -29,16 +33,14 @@ pub(crate) struct Settings {
     pub spherical: bool,
     /// Azimuthal orders are added until two in a row change the source by less.
     pub accuracy: f64,
-    /// Whether radiances are solved at every entry.
-    pub every_entry: bool,
 }
 
 /// A column at every entry of a grid.
 pub(crate) struct ColumnAir {
     pub strata: Strata,
     pub media: Vec<Medium>,
-    /// \[µm\].
-    pub wavelengths: Vec<f64>,
+    /// Where radiances are solved; asked for if they are.
+    pub ladder: Box<dyn Fn(&[Medium]) -> Ladder>,
     /// E_s at 1 au.
     pub solar: Vec<f64>,
     /// Ground albedo.
@@ -56,29 +58,39 @@ const DARK: f64 = 98.0 * PI / 180.0;
 pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Settings) -> Vec<Box<dyn SkyState>> {
     let shells = Shells::new(&air.strata, settings.spherical);
     let n = air.media.len();
-    let diffuse = needs.diffuse_irradiance || needs.directional_sky || needs.path;
-    let radiances = needs.directional_sky || needs.path;
     let lit: Vec<bool> = suns.iter().map(|sun| sun.true_zenith < DARK).collect();
     let zeniths: Vec<f64> = suns.iter().zip(&lit).filter(|(_, lit)| **lit).map(|(sun, _)| sun.true_zenith).collect();
-    let sampling = match radiances && !zeniths.is_empty() {
-        true => Sampling::new(&air, settings.every_entry),
-        false => Sampling { solved: Vec::new(), shares: Vec::new() },
-    };
+    let diffuse = (needs.diffuse_irradiance || needs.directional_sky || needs.path) && !zeniths.is_empty();
+    let directional = needs.directional_sky && diffuse;
+    let paths = needs.path && diffuse;
 
-    // Extinction of every entry, and its fluxes.
-    let flux_streams = settings.streams.min(FLUX_STREAMS);
-    let fluxes: Vec<Fluxes> = match diffuse && !zeniths.is_empty() {
-        true => {
-            let mut cache = Lattices::default();
-            let optics: Vec<Optics> =
-                air.media.par_iter().map(|medium| Optics::new(medium, &shells, flux_streams)).collect();
-            let geometry: Vec<_> = optics.iter().map(|o| cache.of(&shells, o, &zeniths, settings.spherical)).collect();
-            (optics.par_iter().zip(&geometry))
-                .map(|(optics, (_, rays))| Fluxes::new(optics, rays, settings.accuracy))
-                .collect()
-        }
+    let fluxes: Vec<Fluxes> = if diffuse { fluxes(&air.media, &shells, &zeniths, settings) } else { Vec::new() };
+    let ladder = match directional || paths {
+        true => (air.ladder)(&air.media),
+        false => Ladder { columns: Vec::new(), shares: Vec::new(), reference: air.media[0].clone() },
+    };
+    let mut lattices = Lattices::default();
+    let optics: Vec<Optics> =
+        ladder.columns.par_iter().map(|medium| Optics::new(medium, &shells, settings.streams, false)).collect();
+    let places: Vec<usize> = optics.iter().map(|optics| lattices.of(&shells, optics, &zeniths)).collect();
+    let solved: Vec<Solution> = (optics.par_iter().zip(&places))
+        .map(|(optics, place)| solve_entry(optics, &lattices.fields[*place], false, settings.accuracy))
+        .collect();
+    let columns: Vec<Column> = (optics.into_iter().zip(&places).zip(solved))
+        .map(|((optics, place), solution)| Column { optics, lattice: *place, solution })
+        .collect();
+
+    let nodes = Nodes::new();
+    let skies = match directional {
+        true => nodes.solve(&shells, &lattices, &columns, zeniths.len()),
         false => Vec::new(),
     };
+    let shapes: Vec<Shape> = match directional {
+        true => Shape::of_suns(&ladder.reference, &shells, &zeniths, settings),
+        false => Vec::new(),
+    };
+
+    let keep = needs.path_heights.map_or(f64::INFINITY, |(_, high)| 1.1 * high.max(0.0) + 100.0);
     let per_metre = |of: fn(&Layer) -> f64| -> Vec<Vec<f64>> {
         let of_medium = |medium: &Medium| {
             let heights = air.strata.heights.windows(2);
@@ -86,62 +98,27 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
         };
         air.media.iter().map(of_medium).collect()
     };
-    let extinction = per_metre(Layer::extinction);
-    let scattering = per_metre(|layer| layer.scattering.iter().sum());
-
-    // Radiances at the entries that are sampled.
-    let mut cache = Lattices::default();
-    let optics: Vec<Optics> = (sampling.solved.par_iter())
-        .map(|i| Optics::new(&air.media[*i], &shells, settings.streams))
-        .collect();
-    let geometry: Vec<_> = optics.iter().map(|o| cache.of(&shells, o, &zeniths, settings.spherical)).collect();
-    let solved: Vec<(Vec<Lit>, Field)> = (optics.par_iter().zip(&geometry))
-        .map(|(optics, (_, rays))| solve_entry(optics, rays, false, settings.accuracy))
-        .collect();
-    let nodes = match needs.directional_sky && !sampling.solved.is_empty() {
-        true => Some(Nodes::new()),
-        false => None,
-    };
-    // Rays of the sky's nodes, by lattice.
-    let sights: Vec<Vec<Sight>> = match &nodes {
-        Some(nodes) => (cache.lattices.par_iter())
-            .map(|lattice| nodes.sights(&shells, lattice, settings.streams))
-            .collect(),
-        None => Vec::new(),
-    };
-    let ground_nodes: Vec<Vec<f64>> = match &nodes {
-        Some(_) => (optics.par_iter().zip(&geometry).zip(&solved))
-            .map(|((optics, (lattice, _)), (_, ground))| {
-                sights[*lattice].iter().map(|sight| gather_ground(optics, ground, sight, Look::Up)).collect()
-            })
-            .collect(),
-        None => Vec::new(),
-    };
-
-    let middle = sampling.solved.len() / 2;
-    let paths = needs.path && !sampling.solved.is_empty();
-    let keep = needs.path_heights.map_or(f64::INFINITY, |(_, high)| 1.1 * high.max(0.0) + 100.0);
     let shared = Arc::new(Shared {
-        shells,
-        extinction,
-        scattering,
-        sampling,
-        lattices: cache.lattices.iter().map(Arc::clone).collect(),
-        entries: match paths {
-            true => (optics.iter().zip(&geometry).zip(&solved))
-                .map(|((optics, (lattice, _)), (_, ground))| {
-                    let mut ground = ground.clone();
-                    ground.keep_below(cache.lattices[*lattice].first_below(keep));
-                    (optics.clone(), *lattice, ground)
+        extinction: per_metre(Layer::extinction),
+        scattering: per_metre(|layer| layer.scattering.iter().sum()),
+        shares: ladder.shares,
+        lattices: lattices.lattices.clone(),
+        grounds: match paths {
+            true => (columns.iter())
+                .map(|column| {
+                    let first = lattices.lattices[column.lattice].first_below(keep);
+                    let ground = Field::mixed(std::slice::from_ref(&column.solution.ground), &[1.0], first);
+                    (column.optics.clone(), column.lattice, ground)
                 })
                 .collect(),
             false => Vec::new(),
         },
         streams: settings.streams,
         notes: air.notes,
+        shells,
     });
-    let mut places = 0..;
-    let places: Vec<Option<usize>> = lit.iter().map(|lit| lit.then(|| places.next().unwrap_or(0))).collect();
+    let mut next = 0..;
+    let places: Vec<Option<usize>> = lit.iter().map(|lit| lit.then(|| next.next().unwrap_or(0))).collect();
     (suns.par_iter().zip(places))
         .map(|(sun, place)| -> Box<dyn SkyState> {
             let mut state = ColumnSkyState::dark(&shared, &air.solar, sun, n);
@@ -155,36 +132,18 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
                 state.transmittance = Spectrum::new(shared.extinction.iter().map(through).collect());
             }
             let Some(place) = place.filter(|_| diffuse) else { return Box::new(state) };
-            let cosine = sun.apparent.cos_zenith().max(0.0);
-            let mut black = vec![0.0; n]; // E_d over a black ground, E_s = 1
-            let mut diffuse = vec![0.0; n];
-            for i in 0..n {
-                let (down, scaled, returned) = (fluxes[i].down[place], fluxes[i].direct[place], fluxes[i].returned);
-                let beam = cosine * state.transmittance[i];
-                black[i] = (down + cosine * scaled - beam).max(0.0);
-                let albedo = air.albedo[i];
-                let shining = albedo * (beam + black[i]) / (PI * (1.0 - albedo * returned));
-                let e = state.solar[i];
-                state.shining[i] = e * shining;
-                diffuse[i] = e * (black[i] + shining * PI * returned);
-            }
-            state.diffuse = Spectrum::new(diffuse);
-            state.black.clone_from(&black);
-            if let Some(nodes) = &nodes {
-                let fields: Vec<_> = (optics.iter().zip(&geometry).zip(&solved))
-                    .map(|((optics, (lattice, rays)), (lit, _))| {
-                        nodes.radiances(optics, &sights[*lattice], &lit[place], rays[place].zenith)
-                    })
-                    .collect();
-                let (o, (l, _)) = (&optics[middle], &geometry[middle]);
-                let lattice = &shared.lattices[*l];
-                let shape = Shape::new(o, &shared.shells, lattice, &solved[middle].0[place], sun.true_zenith, &nodes.zeniths);
-                state.put_sky(nodes, shape, &fields, &ground_nodes, &fluxes);
+            state.put_fluxes(&fluxes, place, &air.albedo);
+            if directional {
+                state.put_sky(&nodes, shapes[place].clone(), &skies, place, &fluxes);
             }
             if paths {
-                state.lit = (geometry.iter().zip(&solved))
-                    .map(|((lattice, _), (lit, _))| {
-                        lit[place].centre(shared.lattices[*lattice].first_below(keep))
+                state.lit = (columns.iter())
+                    .map(|column| {
+                        let lattice = &lattices.lattices[column.lattice];
+                        let first = lattice.first_below(keep);
+                        let fields = &lattices.fields[column.lattice];
+                        let field = fields.field_of(&column.solution.beams, place, sun.true_zenith, first);
+                        (lattices.rays[column.lattice][place].depths(&column.optics).below(first), field)
                     })
                     .collect();
             }
@@ -193,27 +152,32 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
         .collect()
 }
 
+/// A column of the ladder, solved.
+struct Column {
+    optics: Optics,
+    lattice: usize,
+    solution: Solution,
+}
+
 /// Lattices, each once, with the rays to all suns.
 #[derive(Default)]
 struct Lattices {
     lattices: Vec<Arc<Lattice>>,
-    rays: Vec<Vec<Arc<SunRays>>>,
+    rays: Vec<Vec<SunRays>>,
+    fields: Vec<FieldSuns>,
 }
 
 impl Lattices {
-    fn of(&mut self, shells: &Shells, optics: &Optics, zeniths: &[f64], spherical: bool) -> (usize, Vec<Arc<SunRays>>) {
-        let known = self.lattices.iter().position(|lattice| lattice.serves(optics));
-        let i = known.unwrap_or_else(|| {
-            let lattice = Lattice::new(shells, optics);
-            self.rays.push(
-                (zeniths.par_iter())
-                    .map(|zenith| Arc::new(SunRays::new(shells, &lattice, *zenith, spherical)))
-                    .collect(),
-            );
-            self.lattices.push(Arc::new(lattice));
-            self.lattices.len() - 1
-        });
-        (i, self.rays[i].clone())
+    /// The place of the one that serves a column.
+    fn of(&mut self, shells: &Shells, optics: &Optics, zeniths: &[f64]) -> usize {
+        if let Some(known) = self.lattices.iter().position(|lattice| lattice.serves(optics)) {
+            return known;
+        }
+        let lattice = Lattice::new(shells, optics);
+        self.rays.push(zeniths.par_iter().map(|zenith| SunRays::new(shells, &lattice, *zenith)).collect());
+        self.fields.push(FieldSuns::new(shells, &lattice, zeniths, false));
+        self.lattices.push(Arc::new(lattice));
+        self.lattices.len() - 1
     }
 }
 
@@ -227,109 +191,23 @@ struct Fluxes {
     returned: f64,
 }
 
-impl Fluxes {
-    fn new(optics: &Optics, suns: &[Arc<SunRays>], accuracy: f64) -> Self {
-        let (lit, ground) = solve_entry(optics, suns, true, accuracy);
-        let last = |field: &Field| field.down.last().copied().unwrap_or(0.0);
-        Self {
-            down: lit.iter().map(|lit| last(&lit.fields[0])).collect(),
-            direct: lit.iter().map(Lit::direct).collect(),
-            returned: last(&ground) / PI,
-        }
-    }
-}
-
-/// Which entries radiances are solved at, and how the rest draws on them.
-struct Sampling {
-    /// Indices of entries.
-    solved: Vec<usize>,
-    /// By entry: solved entries (by place) and their shares.
-    shares: Vec<Vec<(usize, f64)>>,
-}
-
-/// Width of the windows in which entries of one absorption stand for each other \[µm\].
-const WINDOW: f64 = 0.02;
-/// Step in ln(1 + a/`SOFT`), a the absorption optical depth of the column.
-const STEP: f64 = 0.5;
-const SOFT: f64 = 0.05;
-
-impl Sampling {
-    fn new(air: &ColumnAir, every: bool) -> Self {
-        let n = air.media.len();
-        if every || n < 8 {
-            return Self { solved: (0..n).collect(), shares: (0..n).map(|i| vec![(i, 1.0)]).collect() };
-        }
-        let absorbed: Vec<f64> = (air.media.iter())
-            .map(|medium| (1.0 + medium.layers.iter().map(|l| l.absorption).sum::<f64>() / SOFT).ln())
-            .collect();
-        let window = |i: usize| (air.wavelengths[i] / WINDOW) as i64;
-        let mut members: Vec<usize> = (0..n).collect();
-        members.sort_by(|a, b| air.wavelengths[*a].total_cmp(&air.wavelengths[*b]).then(a.cmp(b)));
-        let mut solved = Vec::new();
-        // By window: its middle, and its solved entries by rising absorption.
-        let mut windows: Vec<(f64, Vec<(f64, usize)>)> = Vec::new();
-        for group in members.chunk_by(|a, b| window(*a) == window(*b)) {
-            let (first, last) = (air.wavelengths[group[0]], air.wavelengths[group[group.len() - 1]]);
-            let middle = 0.5 * (first + last);
-            let reach = |f: fn(f64, f64) -> f64, start: f64| group.iter().map(|i| absorbed[*i]).fold(start, f);
-            let (low, high) = (reach(f64::min, f64::INFINITY), reach(f64::max, 0.0));
-            let steps = ((high - low) / STEP).ceil() as usize;
-            let mut chosen: Vec<(f64, usize)> = Vec::new();
-            for k in 0..=steps {
-                let wanted = low + (high - low) * k as f64 / steps.max(1) as f64;
-                // The nearest in absorption, and of those alike the one nearest the middle.
-                let worth = |i: usize| {
-                    (absorbed[i] - wanted).abs() / STEP + 2.0 * (air.wavelengths[i] - middle).abs() / WINDOW * 0.2
-                };
-                let best = group.iter().copied().min_by(|a, b| worth(*a).total_cmp(&worth(*b)));
-                if let Some(best) = best
-                    && !chosen.iter().any(|(_, i)| *i == best)
-                {
-                    chosen.push((absorbed[best], best));
-                }
+fn fluxes(media: &[Medium], shells: &Shells, zeniths: &[f64], settings: &Settings) -> Vec<Fluxes> {
+    let streams = settings.streams.max(FLUX_STREAMS);
+    let first = Optics::new(&media[0], shells, streams, true);
+    let lattice = Lattice::new(shells, &first);
+    let suns = FieldSuns::new(shells, &lattice, zeniths, true);
+    let last = |field: &Field| field.down.last().copied().unwrap_or(0.0);
+    (media.par_iter())
+        .map(|medium| {
+            let optics = Optics::new(medium, shells, streams, true);
+            let solution = solve_entry(&optics, &suns, true, settings.accuracy);
+            Fluxes {
+                down: solution.beams.iter().map(last).collect(),
+                direct: suns.to_ground(&optics),
+                returned: last(&solution.ground) / PI,
             }
-            chosen.sort_by(|a, b| a.0.total_cmp(&b.0));
-            let chosen = chosen.into_iter().map(|(a, i)| (a, { solved.push(i); solved.len() - 1 })).collect();
-            windows.push((middle, chosen));
-        }
-        let shares = (0..n)
-            .map(|i| {
-                if let Some(place) = solved.iter().position(|s| *s == i) {
-                    return vec![(place, 1.0)];
-                }
-                let wavelength = air.wavelengths[i];
-                let right = windows.partition_point(|w| w.0 <= wavelength).clamp(1, windows.len().max(2) - 1);
-                let pair = if windows.len() == 1 { 0..1 } else { right - 1..right + 1 };
-                let mut shares = Vec::new();
-                for (k, w) in windows[pair.clone()].iter().enumerate() {
-                    let t = match pair.len() {
-                        1 => 0.0,
-                        _ => {
-                            let (a, b) = (windows[pair.start].0, windows[pair.start + 1].0);
-                            ((wavelength - a) / (b - a)).clamp(0.0, 1.0)
-                        }
-                    };
-                    let share = if k == 0 { 1.0 - t } else { t };
-                    if share == 0.0 {
-                        continue;
-                    }
-                    let list = &w.1;
-                    let j = list.partition_point(|(a, _)| *a <= absorbed[i]);
-                    match (j.checked_sub(1).map(|j| list[j]), list.get(j)) {
-                        (Some((a, p)), Some((b, q))) => {
-                            let u = (absorbed[i] - a) / (b - a);
-                            shares.extend([(p, share * (1.0 - u)), (*q, share * u)]);
-                        }
-                        (Some((_, p)), None) => shares.push((p, share)),
-                        (None, Some((_, q))) => shares.push((*q, share)),
-                        (None, None) => {}
-                    }
-                }
-                shares
-            })
-            .collect();
-        Self { solved, shares }
-    }
+        })
+        .collect()
 }
 
 /// Directions at which the sky is known: zenith angles by azimuths from the sun's, 0 and π among them. The zenith has one.
@@ -362,27 +240,89 @@ impl Nodes {
         if zenith == 0 { 0 } else { 1 + (zenith - 1) * self.azimuths.len() + azimuth }
     }
 
-    fn sights(&self, shells: &Shells, lattice: &Lattice, streams: usize) -> Vec<Sight> {
-        (self.zeniths.iter())
-            .map(|z| Sight::new(shells, lattice, (0.0, *z), (shells.top(), f64::INFINITY), streams, streams))
-            .collect()
+    /// Azimuths of a ring of nodes.
+    fn ring(&self, zenith: usize) -> &[f64] {
+        if zenith == 0 { &self.azimuths[..1] } else { &self.azimuths }
     }
 
-    /// L at every node, over a black ground and E_s = 1.
-    fn radiances(&self, optics: &Optics, sights: &[Sight], lit: &Lit, sun: f64) -> Vec<f64> {
-        let mut out = vec![0.0; self.len()];
-        for (j, (zenith, sight)) in self.zeniths.iter().zip(sights).enumerate() {
-            let gathered: Vec<Gathered> = (GATHERED.iter())
-                .map(|azimuth| lit.gather(optics, sight, Look::Up, sun, *azimuth))
-                .collect();
-            for (k, azimuth) in self.azimuths.iter().enumerate().take(if j == 0 { 1 } else { AZIMUTHS }) {
-                let mixed = Gathered::between(&gathered, &GATHERED, *azimuth);
-                let cos = zenith.cos() * sun.cos() + zenith.sin() * sun.sin() * azimuth.cos();
-                out[self.index(j, k)] = mixed.radiance(optics, cos, *azimuth);
-            }
-        }
-        out
+    /// The sky of every column at the nodes.
+    fn solve(&self, shells: &Shells, lattices: &Lattices, columns: &[Column], suns: usize) -> Vec<NodeSky> {
+        let streams = columns.first().map_or(0, |column| column.optics.streams());
+        let gathered = if shells.is_round() { &GATHERED[..] } else { &GATHERED[..1] };
+        // Rays and their suns, by lattice.
+        let rays: Vec<Vec<(Sight, Vec<Fan>)>> = (lattices.lattices.par_iter().enumerate())
+            .map(|(l, lattice)| {
+                let all = (shells.top(), f64::INFINITY);
+                (self.zeniths.iter())
+                    .map(|zenith| {
+                        let sight = Sight::new(shells, lattice, Look::Up, (0.0, *zenith), all, streams, streams);
+                        let fan = |sun| Fan::new(&sight, &lattices.rays[l][sun], &lattices.fields[l], sun, gathered);
+                        let fans = (0..suns).map(fan).collect();
+                        (sight, fans)
+                    })
+                    .collect()
+            })
+            .collect();
+        (columns.par_iter())
+            .map(|column| {
+                let (optics, solution) = (&column.optics, &column.solution);
+                let suns = &lattices.rays[column.lattice];
+                let fields = &lattices.fields[column.lattice];
+                let depths: Vec<SunDepths> = suns.iter().map(|sun| sun.depths(optics)).collect();
+                let mut sky = NodeSky {
+                    by_sun: vec![vec![0.0; self.len()]; suns.len()],
+                    by_ground: Vec::with_capacity(self.zeniths.len()),
+                    black: (suns.iter().enumerate())
+                        .map(|(i, sun)| {
+                            let direct = sun.to_ground(&optics.scaled) - sun.to_ground(&optics.extinction);
+                            fields.ground_flux(&solution.beams, i, sun.zenith) + sun.zenith.cos().max(0.0) * direct
+                        })
+                        .collect(),
+                    returned: solution.ground.down.last().copied().unwrap_or(0.0) / PI,
+                };
+                let mut projected = vec![Vec::new(); solution.beams.len()];
+                for (j, (sight, fans)) in rays[column.lattice].iter().enumerate() {
+                    let weighed = Weighed::new(optics, sight);
+                    sky.by_ground.push(gather_ground(sight, &weighed, &solution.ground));
+                    for (field, out) in solution.beams.iter().zip(&mut projected) {
+                        weighed.project(sight, field, out);
+                    }
+                    for ((sun, fan), (depths, out)) in suns.iter().zip(fans).zip(depths.iter().zip(&mut sky.by_sun)) {
+                        let all = gather(optics, sight, &weighed, fan, depths, &projected);
+                        for (k, azimuth) in self.ring(j).iter().enumerate() {
+                            let cos = cosine_between((self.zeniths[j], sun.zenith), *azimuth);
+                            let mixed;
+                            let one = if all.len() == 1 {
+                                &all[0]
+                            } else {
+                                mixed = Gathered::between(&all, gathered, *azimuth);
+                                &mixed
+                            };
+                            out[self.index(j, k)] = one.radiance(optics, cos, *azimuth);
+                        }
+                    }
+                }
+                sky
+            })
+            .collect()
     }
+}
+
+/// Of the angle between two directions of these zenith angles, `azimuth` apart.
+fn cosine_between((a, b): (f64, f64), azimuth: f64) -> f64 {
+    a.cos() * b.cos() + a.sin() * b.sin() * azimuth.cos()
+}
+
+/// The sky of one column at the nodes, E_s = 1.
+struct NodeSky {
+    /// L over a black ground, by sun and node.
+    by_sun: Vec<Vec<f64>>,
+    /// L of a ground of radiance 1, by zenith angle.
+    by_ground: Vec<f64>,
+    /// E_d over a black ground, by sun.
+    black: Vec<f64>,
+    /// S.
+    returned: f64,
 }
 
 /// What the sky looks like on the whole: single scattering by the column's mean phase function at one entry, with a constant
@@ -400,32 +340,55 @@ impl Shape {
     const HALO: usize = 240;
     const THICKNESS: usize = 90;
 
-    fn new(optics: &Optics, shells: &Shells, lattice: &Lattice, lit: &Lit, sun: f64, zeniths: &[f64]) -> Self {
-        let gather = |zenith: f64, orders: usize, azimuth: f64| {
-            let sight =
-                Sight::new(shells, lattice, (0.0, zenith), (shells.top(), f64::INFINITY), optics.streams(), orders);
-            lit.gather(optics, &sight, Look::Up, sun, azimuth)
-        };
-        let thickness = (0..=Self::THICKNESS)
+    /// Of each sun, from one column.
+    fn of_suns(medium: &Medium, shells: &Shells, zeniths: &[f64], settings: &Settings) -> Vec<Self> {
+        let optics = Optics::new(medium, shells, settings.streams, false);
+        let mut lattices = Lattices::default();
+        lattices.of(shells, &optics, zeniths);
+        let (lattice, fields) = (&lattices.lattices[0], &lattices.fields[0]);
+        let solution = solve_entry(&optics, fields, true, settings.accuracy);
+        let all = (shells.top(), f64::INFINITY);
+        let rays: Vec<(Sight, Weighed)> = (0..=Self::THICKNESS)
             .map(|i| {
                 let zenith = FRAC_PI_2 * i as f64 / Self::THICKNESS as f64;
-                let once: f64 = gather(zenith, 0, FRAC_PI_2).once.iter().sum();
-                once.max(1e-300).ln()
+                let sight = Sight::new(shells, lattice, Look::Up, (0.0, zenith), all, settings.streams, 1);
+                let weighed = Weighed::new(&optics, &sight);
+                (sight, weighed)
             })
             .collect();
-        // Light scattered more than once, against what is gathered of light scattered once, at a middle zenith angle.
-        let typical = gather(zeniths[zeniths.len() / 2], 1, FRAC_PI_2);
-        let once: f64 = typical.once.iter().sum();
-        let more = if once > 0.0 { (typical.orders[0] / once).clamp(0.02, 50.0) } else { 1.0 };
-        let halo = (0..=Self::HALO)
-            .map(|i| {
-                let cos = (PI * (i as f64 / Self::HALO as f64).powi(2)).cos();
-                let once_here: f64 =
-                    typical.once.iter().zip(&optics.phases).map(|(k, phase)| k * phase.value(cos)).sum();
-                if once > 0.0 { once_here / once + more } else { 1.0 }
+        (zeniths.par_iter().enumerate())
+            .map(|(s, zenith)| {
+                let sun = &lattices.rays[0][s];
+                let depths = sun.depths(&optics);
+                let gathered = |i: usize, projected: &[Vec<f64>]| {
+                    let (sight, weighed) = &rays[i];
+                    let fan = Fan::new(sight, sun, fields, s, &[FRAC_PI_2]);
+                    gather(&optics, sight, weighed, &fan, &depths, projected).remove(0)
+                };
+                let none = vec![Vec::new(); solution.beams.len()];
+                let thickness = (0..rays.len())
+                    .map(|i| gathered(i, &none).once.iter().sum::<f64>().max(1e-300).ln())
+                    .collect();
+                // Light scattered more than once, against what is gathered of light scattered once, at a middle angle.
+                let middle = Self::THICKNESS / 2;
+                let mut projected = none.clone();
+                for (field, out) in solution.beams.iter().zip(&mut projected) {
+                    rays[middle].1.project(&rays[middle].0, field, out);
+                }
+                let typical = gathered(middle, &projected);
+                let once: f64 = typical.once.iter().sum();
+                let more = if once > 0.0 { (typical.orders[0] / once).clamp(0.02, 50.0) } else { 1.0 };
+                let halo = (0..=Self::HALO)
+                    .map(|i| {
+                        let cos = (PI * (i as f64 / Self::HALO as f64).powi(2)).cos();
+                        let here: f64 =
+                            typical.once.iter().zip(&optics.phases).map(|(k, phase)| k * phase.value(cos)).sum();
+                        if once > 0.0 { here / once + more } else { 1.0 }
+                    })
+                    .collect();
+                Self { sun: WorldDir::from_zenith_azimuth(*zenith, 0.0), halo, thickness }
             })
-            .collect();
-        Self { sun: WorldDir::from_zenith_azimuth(sun, 0.0), halo, thickness }
+            .collect()
     }
 
     /// At a zenith angle and an azimuth from the sun's.
@@ -458,10 +421,11 @@ struct Shared {
     /// Extinction and scattering \[m⁻¹\], by entry and layer.
     extinction: Vec<Vec<f64>>,
     scattering: Vec<Vec<f64>>,
-    sampling: Sampling,
+    /// By entry: columns and their shares.
+    shares: Vec<Vec<(usize, f64)>>,
     lattices: Vec<Arc<Lattice>>,
-    /// Solved entries: optics, lattice, and the field over a shining ground.
-    entries: Vec<(Optics, usize, Field)>,
+    /// Of the columns: optics, lattice, and the field over a shining ground.
+    grounds: Vec<(Optics, usize, Field)>,
     streams: usize,
     notes: Vec<String>,
 }
@@ -478,8 +442,8 @@ struct ColumnSkyState {
     shining: Vec<f64>,
     terms: Vec<Spectrum<Radiance>>,
     sky: Option<(Nodes, Shape)>,
-    /// Of the solved entries.
-    lit: Vec<Lit>,
+    /// Of the columns.
+    lit: Vec<(SunDepths, Field)>,
 }
 
 impl ColumnSkyState {
@@ -498,30 +462,37 @@ impl ColumnSkyState {
         }
     }
 
-    /// Brings the radiances of the solved entries to every entry.
-    fn put_sky(&mut self, nodes: &Nodes, shape: Shape, solved: &[Vec<f64>], ground: &[Vec<f64>], fluxes: &[Fluxes]) {
-        let per_flux: Vec<f64> = (self.shared.sampling.solved.iter())
-            .map(|i| if self.black[*i] > 0.0 { 1.0 / self.black[*i] } else { 0.0 })
-            .collect();
-        let per_return: Vec<f64> = (self.shared.sampling.solved.iter())
-            .map(|i| if fluxes[*i].returned > 0.0 { 1.0 / fluxes[*i].returned } else { 0.0 })
-            .collect();
+    fn put_fluxes(&mut self, fluxes: &[Fluxes], place: usize, albedo: &[f64]) {
+        let cosine = self.sun.apparent.cos_zenith().max(0.0);
+        for (i, flux) in fluxes.iter().enumerate() {
+            let beam = cosine * self.transmittance[i];
+            self.black[i] = (flux.down[place] + (cosine * flux.direct[place] - beam).max(0.0)).max(0.0);
+            let shining = albedo[i] * (beam + self.black[i]) / (PI * (1.0 - albedo[i] * flux.returned));
+            self.shining[i] = self.solar[i] * shining;
+            self.diffuse[i] = self.solar[i] * (self.black[i] + shining * PI * flux.returned);
+        }
+    }
+
+    /// Brings the radiances of the columns to every entry.
+    fn put_sky(&mut self, nodes: &Nodes, shape: Shape, skies: &[NodeSky], place: usize, fluxes: &[Fluxes]) {
         let mut terms = vec![Vec::with_capacity(self.black.len()); nodes.len()];
-        for (i, shares) in self.shared.sampling.shares.iter().enumerate() {
-            let (by_sun, by_ground) =
-                (self.solar[i] * self.black[i], self.shining[i] * fluxes[i].returned);
+        let per = |x: f64| if x > 0.0 { 1.0 / x } else { 0.0 };
+        let inverse: Vec<(f64, f64)> = skies.iter().map(|sky| (per(sky.black[place]), per(sky.returned))).collect();
+        for (i, shares) in self.shared.shares.iter().enumerate() {
+            let (sun, ground) = (self.solar[i] * self.black[i], self.shining[i] * fluxes[i].returned);
             for j in 0..nodes.zeniths.len() {
-                let from_ground: f64 =
-                    shares.iter().map(|(p, share)| share * ground[*p][j] * per_return[*p]).sum::<f64>() * by_ground;
-                for k in 0..if j == 0 { 1 } else { AZIMUTHS } {
+                let own: f64 = shares.iter().map(|(c, share)| share * skies[*c].by_ground[j] * inverse[*c].1).sum();
+                let from_ground = ground * own;
+                for k in 0..nodes.ring(j).len() {
                     let node = nodes.index(j, k);
-                    let own: f64 = shares.iter().map(|(p, share)| share * solved[*p][node] * per_flux[*p]).sum();
-                    terms[node].push(by_sun * own + from_ground);
+                    let own: f64 =
+                        shares.iter().map(|(c, share)| share * skies[*c].by_sun[place][node] * inverse[*c].0).sum();
+                    terms[node].push(sun * own + from_ground);
                 }
             }
         }
         for (j, zenith) in nodes.zeniths.iter().enumerate() {
-            for (k, azimuth) in nodes.azimuths.iter().enumerate().take(if j == 0 { 1 } else { AZIMUTHS }) {
+            for (k, azimuth) in nodes.ring(j).iter().enumerate() {
                 let scale = 1.0 / shape.at(*zenith, *azimuth);
                 terms[nodes.index(j, k)].iter_mut().for_each(|l| *l *= scale);
             }
@@ -602,9 +573,6 @@ impl SkyState for ColumnSkyState {
         // A path on the level rises with the Earth's curvature alone, and ends by its length.
         let end = if high - low > 1e-3 * path.length { high } else { f64::INFINITY };
         let length = if path.length > 0.0 { path.length } else { 0.0 };
-        let sight_on = |lattice: &Lattice, orders: usize| {
-            Sight::new(&shared.shells, lattice, (low, zenith), (end, length), shared.streams, orders)
-        };
         radiance.fill(0.0);
         let bare = shared.shells.rising(low, zenith, end);
         let mut lengths = vec![0.0; shared.shells.heights.len() - 1];
@@ -629,19 +597,31 @@ impl SkyState for ColumnSkyState {
         // Between the directions in which light and beam travel.
         let between = if looks_down { turn + PI } else { turn };
         let sun = self.sun.true_zenith;
-        let cos_sun = zenith.cos() * sun.cos() + zenith.sin() * sun.sin() * turn.cos();
+        let cos_sun = cosine_between((zenith, sun), turn);
         let cos_scattering = if looks_down { -cos_sun } else { cos_sun };
-        let sights: Vec<Sight> = shared.lattices.iter().map(|lattice| sight_on(lattice, shared.streams)).collect();
+        let orders = self.lit.iter().map(|(_, field)| field.orders.len()).max().unwrap_or(1);
+        let rays: Vec<(Sight, Fan)> = (shared.lattices.iter())
+            .map(|lattice| {
+                let place = (low, zenith);
+                let sight = Sight::new(&shared.shells, lattice, look, place, (end, length), shared.streams, orders);
+                let fan = Fan::alone(&sight, sun, &self.lit[0].0, turn);
+                (sight, fan)
+            })
+            .collect();
         // L_u over the scattering optical depth of the path, for the sun and for a shining ground.
-        let per_scattering: Vec<(f64, f64)> = (shared.entries.iter().zip(&self.lit))
-            .map(|((optics, lattice, ground), lit)| {
-                let sight = &sights[*lattice];
+        let mut projected = [Vec::new()];
+        let per_scattering: Vec<(f64, f64)> = (shared.grounds.iter().zip(&self.lit))
+            .map(|((optics, lattice, ground), (depths, field))| {
+                let (sight, fan) = &rays[*lattice];
                 let scattering: f64 = crossed.iter().map(|(layer, s)| optics.scattered(*layer) * s).sum();
                 if scattering <= 0.0 {
                     return (0.0, 0.0);
                 }
-                let by_sun = lit.gather(optics, sight, look, sun, turn).radiance(optics, cos_scattering, between);
-                (by_sun / scattering, gather_ground(optics, ground, sight, look).max(0.0) / scattering)
+                let weighed = Weighed::new(optics, sight);
+                weighed.project(sight, field, &mut projected[0]);
+                let gathered = gather(optics, sight, &weighed, fan, depths, &projected).remove(0);
+                let by_sun = gathered.radiance(optics, cos_scattering, between);
+                (by_sun / scattering, gather_ground(sight, &weighed, ground) / scattering)
             })
             .collect();
         // Shares of logarithms: what absorbs more gathers less by orders of magnitude.
@@ -650,11 +630,59 @@ impl SkyState for ColumnSkyState {
         for (i, l) in radiance.iter_mut().enumerate() {
             let scattering: f64 = crossed.iter().map(|(layer, s)| shared.scattering[i][*layer] * s).sum();
             let (mut by_sun, mut by_ground) = (0.0, 0.0);
-            for (place, share) in &shared.sampling.shares[i] {
+            for (place, share) in &shared.shares[i] {
                 by_sun += share * logs[*place].0;
                 by_ground += share * logs[*place].1;
             }
             *l = scattering * (self.solar[i] * by_sun.exp() + self.shining[i] * by_ground.exp());
+        }
+    }
+}
+
+#[cfg(test)]
+mod timing {
+    use super::*;
+    use crate::phase::Phase;
+
+    #[test]
+    fn time() {
+        let heights: Vec<f64> = (0..=33).rev().map(|i| 100_000.0 * (f64::from(i) / 33.0).powi(2)).collect();
+        let strata = Strata { refractivity: vec![0.0; 34], heights: heights.clone(), radius: 6.371e6 };
+        let wavelengths: Vec<f64> = (0..121).map(|i| 0.4 + 0.005 * f64::from(i)).collect();
+        let hg = Arc::new(Phase::henyey_greenstein(0.65));
+        let ray = Arc::new(Phase::rayleigh(0.0));
+        let media = wavelengths
+            .iter()
+            .map(|w| Medium {
+                phases: vec![ray.clone(), hg.clone()],
+                layers: heights
+                    .windows(2)
+                    .map(|h| {
+                        let share = |scale: f64| (-h[1] / scale).exp() - (-h[0] / scale).exp();
+                        let haze = if h[1] < 12e3 { 0.25 * (0.55 / w).powf(1.3) * share(2000.0) } else { 0.0 };
+                        Layer {
+                            absorption: 0.07 * haze + 0.02 * share(5000.0),
+                            scattering: vec![0.098 * (0.55 / w).powi(4) * share(8000.0), 0.93 * haze],
+                        }
+                    })
+                    .collect(),
+            })
+            .collect::<Vec<_>>();
+        let suns = |n: usize| -> Vec<Sun> { (0..n).map(|i| Sun::at((80.0 - 2.0 * i as f64).to_radians(), 1.0)).collect() };
+        for (streams, spherical, n) in [(8, false, 1), (16, false, 1), (8, true, 1), (16, true, 1), (16, true, 30), (16, false, 30)] {
+            let air = || ColumnAir {
+                strata: strata.clone(),
+                media: media.clone(),
+                solar: vec![1.0; 121],
+                albedo: vec![0.1; 121],
+                notes: vec![],
+                ladder: Box::new(|media| Ladder::of_every(media, media[30].clone())),
+            };
+            let needs = Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: false, path_heights: None };
+            let settings = Settings { streams, spherical, accuracy: 1e-3 };
+            let start = std::time::Instant::now();
+            let s = solve(air(), &suns(n), &needs, &settings);
+            eprintln!("{streams} {spherical} {n}: {:.3} s, {}", start.elapsed().as_secs_f64(), s[0].diffuse_irradiance()[30]);
         }
     }
 }

@@ -222,6 +222,14 @@ impl BinAbsorption {
         }
     }
 
+    /// Optical depths of a layer in water, lines and continuum, and in lines of oxygen.
+    pub fn water_and_oxygen(&self, node: usize, g: usize, layer: &Amounts) -> [f64; 2] {
+        let node = &self.nodes[node];
+        let (i, j) = (g / node.oxygen.len(), g % node.oxygen.len());
+        let continuum: f64 = node.smooth.iter().zip(layer.smooth()).take(CONTINUUM).map(|(c, amount)| c * amount).sum();
+        [node.water[i] * layer.water[node.water_band] + continuum.max(0.0), node.oxygen[j] * layer.oxygen]
+    }
+
     /// Optical depth of a layer in the absorbers that obey Beer's law, for node 0 or 1 of the bin.
     pub fn smooth(&self, node: usize, layer: &Amounts) -> f64 {
         self.nodes[node].smooth.iter().zip(layer.smooth()).map(|(c, amount)| c * amount).sum::<f64>().max(0.0)
@@ -233,6 +241,22 @@ impl BinAbsorption {
         let (i, j) = (g / node.oxygen.len(), g % node.oxygen.len());
         node.water[i] * layer.water[node.water_band] + node.oxygen[j] * layer.oxygen
     }
+}
+
+/// The first of [`Amounts::smooth`] are the continuum's.
+const CONTINUUM: usize = 3;
+/// Interval about a wavelength in which its grey absorption is taken \[µm\].
+const ABOUT: f64 = 0.001_25;
+
+/// Optical depth of a layer in ozone, NO₂ and O₂–O₂ at a wavelength \[µm\].
+pub(crate) fn grey(wavelength: f64, layer: &Amounts) -> f64 {
+    let coefficients = smooth(wavelength - ABOUT, wavelength + ABOUT);
+    coefficients.iter().zip(layer.smooth()).skip(CONTINUUM).map(|(c, amount)| c * amount).sum::<f64>().max(0.0)
+}
+
+/// The band of water that absorbs most about a wavelength \[µm\].
+pub(crate) fn water_band(wavelength: f64) -> usize {
+    strongest_band(wavelength - ABOUT, wavelength + ABOUT)
 }
 
 /// The band model of water in an interval \[µm\].

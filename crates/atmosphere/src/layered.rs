@@ -6,6 +6,7 @@ use sunglint_plugin::{Args, BindError, Default, Model, ModelInfo, Param};
 use sunglint_radiometry::{Bin, Dimension, SpectralGrid};
 
 use crate::column_sky::{self, ColumnAir, Settings};
+use crate::ladder::Ladder;
 use crate::none::HSRS;
 use crate::radiance::streams;
 use crate::strata::Site;
@@ -127,8 +128,8 @@ pub const MODEL: Model<dyn Atmosphere> = Model {
                 streams: args.count("streams").map_or(AUTOMATIC, streams),
                 spherical: args.word("geometry") != Some("plane"),
                 accuracy: args.number("accuracy").unwrap_or(1e-3),
-                every_entry: args.word("spectrum") == Some("full"),
             },
+            full: args.word("spectrum") == Some("full"),
         }))
     },
 };
@@ -138,6 +139,8 @@ const AUTOMATIC: usize = 16;
 
 struct Layered {
     settings: Settings,
+    /// Whether radiances are solved at every entry.
+    full: bool,
 }
 
 impl Atmosphere for Layered {
@@ -183,10 +186,14 @@ impl Atmosphere for Layered {
             });
         }
         let site = Site::new(column)?;
+        let (full, own, own_grid) = (self.full, site.clone(), grid.clone());
         let air = ColumnAir {
             strata: site.strata(),
             media: site.media(grid)?,
-            wavelengths: grid.wavelengths_um(),
+            ladder: Box::new(move |media| {
+                let ladder = Ladder::new(&own, &own_grid);
+                if full { Ladder::of_every(media, ladder.reference) } else { ladder }
+            }),
             solar: HSRS.on(grid),
             albedo: column.ground_albedo.clone(),
             notes: site.notes().to_vec(),

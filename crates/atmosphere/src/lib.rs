@@ -10,6 +10,7 @@ mod gas;
 mod haze;
 mod interpolation;
 mod kdistribution;
+mod ladder;
 mod layered;
 mod measured;
 mod medium;

@@ -15,8 +15,8 @@
 //! eq. 63; it holds at every angle, upwards too, and takes two thirds of the error of 16 streams.
 //!
 //! On a round Earth the ray's zenith angle, the sun's and so T′_sun change along the ray. The field is solved plane-parallel
-//! under a beam of spherical path lengths, for the sun's zenith angle at the site and 4° to both sides, and interpolated
-//! to the sun of each point [Dahlback1991 for the beam; Spurr2001 for the line of sight].
+//! under beams of spherical path lengths, for a fixed row of the sun's zenith angles, and interpolated to the sun of each
+//! point [Dahlback1991 for the beam; Spurr2001 for the line of sight].
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -54,7 +54,8 @@ const PALE: f64 = 0.2;
 const MOST_PARTS: usize = 800;
 
 impl Optics {
-    pub fn new(medium: &Medium, shells: &Shells, streams: usize) -> Self {
+    /// With `whole` layers where only fluxes at the ground are wanted.
+    pub fn new(medium: &Medium, shells: &Shells, streams: usize, whole: bool) -> Self {
         let moments: Vec<_> = medium.phases.iter().map(|phase| phase.moments(streams)).collect();
         let n = medium.layers.len();
         let mut optics = Self {
@@ -81,7 +82,7 @@ impl Optics {
                 false => vec![0.0; streams],
             };
             let worth = depth.min((scattering - peak) / PALE);
-            let parts = ((worth / thickest(streams)).ceil() as usize).clamp(1, MOST_PARTS);
+            let parts = ((worth / thickest(streams)).ceil() as usize).clamp(1, if whole { 1 } else { MOST_PARTS });
             optics.extinction.push(layer.extinction() * per_metre);
             optics.scaled.push(depth * per_metre);
             optics.scattering.extend(layer.scattering.iter().map(|s| s * per_metre));
@@ -90,7 +91,7 @@ impl Optics {
             optics.tail.push((0..moments.len()).map(of_peaked).sum::<f64>() * per_metre);
             tails.iter_mut().enumerate().for_each(|(c, sum)| *sum += of_peaked(c));
         }
-        optics.twice = Tail::new(&medium.phases, &tails, streams);
+        optics.twice = if whole { None } else { Tail::new(&medium.phases, &tails, streams) };
         optics
     }
 
@@ -206,16 +207,23 @@ impl Lattice {
     }
 }
 
-/// How far from the site's sun the local sun is looked up \[deg\]: between these, a parabola.
-#[derive(Clone, Debug)]
+/// Suns beside the site's, to which depths are known \[deg\]: between these, a parabola.
+#[derive(Clone, Copy, Debug)]
 struct Offsets {
     step: f64,
     /// Nodes to each side.
     reach: usize,
 }
 
-/// A field is solved for the sun of the site and this far to both sides \[deg\].
-const FIELD_STEP: f64 = 4.0;
+impl Offsets {
+    fn count(self) -> usize {
+        2 * self.reach + 1
+    }
+    fn all(self) -> impl Iterator<Item = f64> {
+        let reach = self.reach as i32;
+        (-reach..=reach).map(move |i| self.step * f64::from(i))
+    }
+}
 
 /// Path lengths from every level of a lattice to the sun, and to suns beside it.
 #[derive(Clone, Debug)]
@@ -227,62 +235,48 @@ pub(crate) struct SunRays {
     lengths: Vec<Option<Vec<f64>>>,
 }
 
+/// Lengths to the sun from each level, its zenith angle being \[rad\].
+fn to_sun(shells: &Shells, lattice: &Lattice, zenith: f64) -> Vec<Option<Vec<f64>>> {
+    lattice.levels.iter().map(|height| shells.towards_sun(*height, zenith)).collect()
+}
+
+/// Optical depths of those lengths, each layer by its extinction \[m⁻¹\].
+fn depth_along(lengths: &Option<Vec<f64>>, extinction: &[f64]) -> f64 {
+    lengths.as_ref().map_or(BLOCKED, |lengths| lengths.iter().zip(extinction).map(|(s, beta)| s * beta).sum())
+}
+
 impl SunRays {
-    pub fn new(shells: &Shells, lattice: &Lattice, zenith: f64, spherical: bool) -> Self {
-        let offsets = match spherical {
-            false => Offsets { step: 1.0, reach: 0 },
-            true if zenith < 70f64.to_radians() => Offsets { step: 2.0, reach: 4 },
-            true => Offsets { step: 1.0, reach: 9 },
+    pub fn new(shells: &Shells, lattice: &Lattice, zenith: f64) -> Self {
+        let offsets = match (shells.is_round(), zenith < 70f64.to_radians()) {
+            (false, _) => Offsets { step: 1.0, reach: 0 },
+            (true, true) => Offsets { step: 2.0, reach: 3 },
+            (true, false) => Offsets { step: 1.0, reach: 9 },
         };
         let mut lengths = Vec::with_capacity(lattice.levels.len() * offsets.count());
         for height in &lattice.levels {
             for offset in offsets.all() {
-                let angle = (zenith + offset.to_radians()).abs().min(PI);
-                lengths.push(shells.towards_sun(*height, angle));
+                lengths.push(shells.towards_sun(*height, (zenith + offset.to_radians()).abs().min(PI)));
             }
         }
         Self { zenith, offsets, lengths }
     }
 
-    /// Scaled optical depths towards the sun, by level and offset.
+    /// Transmittance of the beam to the ground, by an extinction per layer \[m⁻¹\].
+    pub fn to_ground(&self, extinction: &[f64]) -> f64 {
+        (-depth_along(&self.lengths[self.lengths.len() - 1 - self.offsets.reach], extinction)).exp()
+    }
+
+    /// Scaled optical depths towards the sun, and those of the peaked scatterers.
     pub fn depths(&self, optics: &Optics) -> SunDepths {
-        let depths = (self.lengths.iter())
-            .map(|lengths| match lengths {
-                Some(lengths) => lengths.iter().zip(&optics.scaled).map(|(s, beta)| s * beta).sum(),
-                None => BLOCKED,
-            })
-            .collect();
-        SunDepths { offsets: self.offsets.clone(), from: 0, depths }
-    }
-
-    /// Scattering optical depths of the peaked scatterers towards the sun, by level.
-    fn tail(&self, optics: &Optics) -> Vec<f64> {
-        (self.lengths.chunks(self.offsets.count()))
-            .map(|row| match &row[self.offsets.reach] {
-                Some(lengths) => lengths.iter().zip(&optics.tail).map(|(s, beta)| s * beta).sum(),
-                None => 0.0,
-            })
-            .collect()
-    }
-
-    /// Offsets of the fields that are solved \[deg\].
-    pub fn fields(&self) -> &'static [f64] {
-        if self.offsets.reach == 0 { &[0.0] } else { &[-FIELD_STEP, 0.0, FIELD_STEP] }
-    }
-
-    /// Cosine of the zenith angle of the sun `offset` degrees beside this one.
-    pub fn cosine(&self, offset: f64) -> f64 {
-        (self.zenith + offset.to_radians()).cos()
-    }
-}
-
-impl Offsets {
-    fn count(&self) -> usize {
-        2 * self.reach + 1
-    }
-    fn all(&self) -> impl Iterator<Item = f64> {
-        let (step, reach) = (self.step, self.reach as i32);
-        (-reach..=reach).map(move |i| step * f64::from(i))
+        let n = self.offsets.count();
+        let tail = match optics.twice {
+            Some(_) => (self.lengths.chunks(n))
+                .map(|row| depth_along(&row[self.offsets.reach], &optics.tail).min(1e3))
+                .collect(),
+            None => Vec::new(),
+        };
+        let depths = self.lengths.iter().map(|lengths| depth_along(lengths, &optics.scaled)).collect();
+        SunDepths { offsets: self.offsets, from: 0, depths, tail }
     }
 }
 
@@ -296,58 +290,170 @@ pub(crate) struct SunDepths {
     /// Of the levels from this one down.
     from: usize,
     depths: Vec<f64>,
+    /// Scattering optical depths of the peaked scatterers, by level; empty without.
+    tail: Vec<f64>,
 }
 
 impl SunDepths {
-    /// At a level and an offset \[deg\].
-    fn at(&self, level: usize, offset: f64) -> f64 {
-        let n = self.offsets.count();
-        let row = &self.depths[(level - self.from) * n..(level + 1 - self.from) * n];
-        if n == 1 {
-            return row[0];
-        }
-        let x = (offset / self.offsets.step + self.offsets.reach as f64).clamp(0.0, (n - 1) as f64);
-        let i = (x.round() as usize).clamp(1, n - 2);
-        let t = x - i as f64;
-        let (a, b, c) = (row[i - 1], row[i], row[i + 1]);
-        if a.max(b).max(c) >= BLOCKED {
-            // Beside the shadow of the Earth: the nearest node.
-            return row[x.round() as usize];
-        }
-        (b + 0.5 * t * (c - a) + 0.5 * t * t * (a - 2.0 * b + c)).max(0.0)
+    /// T′ of the beam at the ground.
+    pub fn direct(&self) -> f64 {
+        (-self.depths[self.depths.len() - self.offsets.count() + self.offsets.reach]).exp()
     }
 
-    /// A beam to the edges of the parts.
-    pub fn beam(&self, cosine: f64, offset: f64) -> Beam {
-        let levels = self.depths.len() / self.offsets.count();
-        Beam { cosine, transmittance: (0..levels).step_by(2).map(|level| (-self.at(level, offset)).exp()).collect() }
+    /// Those of the levels from a part down.
+    pub fn below(&self, first: usize) -> Self {
+        let n = self.offsets.count();
+        Self {
+            offsets: self.offsets,
+            from: 2 * first,
+            depths: self.depths[2 * first * n..].to_vec(),
+            tail: self.tail.iter().skip(2 * first).copied().collect(),
+        }
+    }
+
+    /// At a point of a ray for the sun that stands over it.
+    fn at(&self, point: &Point, sun: &SunAt) -> f64 {
+        let n = self.offsets.count();
+        let mut sum = 0.0;
+        for (level, share) in point.levels() {
+            let row = &self.depths[level.saturating_sub(self.from) * n..][..n];
+            let Some([a, b, c]) = row.get(sun.column..sun.column + 3) else {
+                sum += share * row[0];
+                continue;
+            };
+            let [u, v, w] = sun.parabola;
+            sum += share
+                * match a.max(*b).max(*c) < BLOCKED {
+                    true => (u * a + v * b + w * c).max(0.0),
+                    // Beside the shadow of the Earth: the nearest.
+                    false => if u > v && u > w { *a } else if w > v { *c } else { *b },
+                };
+        }
+        sum
+    }
+
+    fn tail_at(&self, point: &Point) -> f64 {
+        point.levels().map(|(level, share)| share * self.tail[level.saturating_sub(self.from)]).sum()
     }
 }
 
-/// A part of the air that a ray crosses, from below: three points and the lengths between them.
+/// Zenith angles of the suns that fields are solved for \[deg\]: on a round Earth a fixed row of them, so that an answer
+/// does not depend on what other suns were asked for; on a flat one each sun's own.
+fn field_zenith(i: usize) -> f64 {
+    const COARSE: usize = 13;
+    if i <= COARSE { 5.0 * i as f64 } else { 65.0 + 2.5 * (i - COARSE) as f64 }
+}
+const FIELD_ZENITHS: usize = 30;
+/// Fields are looked up for suns at most this far from the site's \[deg\].
+const FIELD_REACH: f64 = 4.0;
+
+/// First of four nodes about a zenith angle \[deg\], and their shares in a cubic.
+fn field_shares(zenith: f64) -> (usize, [f64; 4]) {
+    let above = (0..FIELD_ZENITHS).find(|i| field_zenith(*i) > zenith).unwrap_or(FIELD_ZENITHS - 1);
+    let first = above.clamp(2, FIELD_ZENITHS - 2) - 2;
+    let nodes: [f64; 4] = std::array::from_fn(|k| field_zenith(first + k));
+    let share = |k: usize| -> f64 {
+        (0..4).filter(|j| *j != k).map(|j| (zenith - nodes[j]) / (nodes[k] - nodes[j])).product()
+    };
+    (first, std::array::from_fn(share))
+}
+
+/// The suns that fields are solved for under some suns, and their rays on a lattice.
+#[derive(Clone, Debug)]
+pub(crate) struct FieldSuns {
+    /// Zenith angles \[rad\].
+    zeniths: Vec<f64>,
+    /// Place of a node of the fixed row among these.
+    places: Vec<Option<usize>>,
+    /// Lengths from the edges of the parts.
+    lengths: Vec<Vec<Option<Vec<f64>>>>,
+}
+
+impl FieldSuns {
+    /// On a flat Earth, or where `exact`, the suns themselves.
+    pub fn new(shells: &Shells, lattice: &Lattice, suns: &[f64], exact: bool) -> Self {
+        let mut places = vec![None; FIELD_ZENITHS];
+        let zeniths: Vec<f64> = match shells.is_round() && !exact {
+            true => {
+                let mut wanted = [false; FIELD_ZENITHS];
+                for sun in suns {
+                    let (from, _) = field_shares((sun.to_degrees() - FIELD_REACH).max(0.0));
+                    let (to, _) = field_shares(sun.to_degrees() + FIELD_REACH);
+                    wanted[from..to + 4].fill(true);
+                }
+                let nodes = (0..FIELD_ZENITHS).filter(|i| wanted[*i]);
+                nodes.clone().enumerate().for_each(|(place, node)| places[node] = Some(place));
+                nodes.map(|i| field_zenith(i).to_radians()).collect()
+            }
+            false => suns.to_vec(),
+        };
+        let edges = Lattice { levels: lattice.levels.iter().step_by(2).copied().collect(), ..lattice.clone() };
+        let lengths = zeniths.iter().map(|zenith| to_sun(shells, &edges, *zenith)).collect();
+        Self { zeniths, places, lengths }
+    }
+
+    fn beams(&self, optics: &Optics) -> Vec<Beam> {
+        let transmittance = |lengths: &Vec<Option<Vec<f64>>>| {
+            lengths.iter().map(|l| (-depth_along(l, &optics.scaled)).exp()).collect()
+        };
+        let beams = self.zeniths.iter().zip(&self.lengths);
+        beams.map(|(zenith, l)| Beam { cosine: zenith.cos(), transmittance: transmittance(l) }).collect()
+    }
+
+    /// T′ of each beam at the ground.
+    pub fn to_ground(&self, optics: &Optics) -> Vec<f64> {
+        let last = |lengths: &Vec<Option<Vec<f64>>>| (-depth_along(&lengths[lengths.len() - 1], &optics.scaled)).exp();
+        self.lengths.iter().map(last).collect()
+    }
+
+    /// First field and shares for a sun of zenith angle \[rad\], the `index`th of the site, seen `offset` \[deg\] beside it.
+    fn shares(&self, index: usize, zenith: f64, offset: f64) -> (usize, [f64; 4]) {
+        if self.places.iter().all(Option::is_none) {
+            return (index, [1.0, 0.0, 0.0, 0.0]);
+        }
+        let at = (zenith.to_degrees() + offset.clamp(-FIELD_REACH, FIELD_REACH)).max(0.0);
+        let (node, shares) = field_shares(at);
+        (self.places[node].expect("nodes about every sun were chosen"), shares)
+    }
+
+    /// The diffuse irradiance at the ground of a sun of the site itself.
+    pub fn ground_flux(&self, fields: &[Field], index: usize, zenith: f64) -> f64 {
+        let (from, shares) = self.shares(index, zenith, 0.0);
+        let last = |field: &Field| field.down.last().copied().unwrap_or(0.0);
+        fields[from..].iter().zip(shares).map(|(field, share)| share * last(field)).sum::<f64>().max(0.0)
+    }
+
+    /// The field of a sun of the site itself, from those that were solved.
+    pub fn field_of(&self, fields: &[Field], index: usize, zenith: f64, first: usize) -> Field {
+        let (from, shares) = self.shares(index, zenith, 0.0);
+        let used = &fields[from..(from + 4).min(fields.len())];
+        Field::mixed(used, &shares[..used.len()], first)
+    }
+}
+
+/// A point of a ray: up to three levels of the lattice and their shares.
+#[derive(Clone, Debug)]
+struct Point {
+    levels: [(usize, f64); 3],
+    used: usize,
+    /// Cosine of the ray's zenith angle.
+    cosine: f64,
+    /// Angle at the Earth's centre from the site \[rad\].
+    centre: f64,
+}
+
+impl Point {
+    fn levels(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.levels[..self.used].iter().copied()
+    }
+}
+
+/// A stretch of a ray in one part of a layer: its ends and its middle are points 2i, 2i + 1, 2i + 2.
 #[derive(Clone, Debug)]
 struct Step {
-    part: usize,
     layer: usize,
-    /// Place within the part, 0 at its top and 1 at its bottom, of the lower end, the middle and the upper end.
-    places: [f64; 3],
-    /// Between them \[m\].
+    /// Between the points \[m\].
     lengths: [f64; 2],
-    /// Cosine of the ray's zenith angle there.
-    cosines: [f64; 3],
-    /// Angle at the Earth's centre from the site there \[deg\].
-    centres: [f64; 3],
-}
-
-/// A rising ray through a lattice.
-#[derive(Clone, Debug)]
-pub(crate) struct Sight {
-    steps: Vec<Step>,
-    /// Λ_l^m of the rising ray at the three points of each step, of the orders that were asked for; one set where the
-    /// ray is straight.
-    legendre: Vec<Vec<f64>>,
-    streams: usize,
-    orders: usize,
 }
 
 /// Which end of a ray looks at the other.
@@ -359,20 +465,32 @@ pub(crate) enum Look {
     Down,
 }
 
+/// A ray through a lattice, from whoever looks.
+#[derive(Clone, Debug)]
+pub(crate) struct Sight {
+    steps: Vec<Step>,
+    points: Vec<Point>,
+    /// Λ_l^m of the light's direction at each point, orders one after another; one set where the ray is straight.
+    legendre: Vec<Vec<f64>>,
+    streams: usize,
+}
+
 /// Cosines that differ by less count as one.
 const STRAIGHT: f64 = 1e-4;
 
 impl Sight {
-    /// A ray from a height at a zenith angle 0..π/2 to a height or a length \[m\], whichever comes first.
+    /// A ray that rises from a height at a zenith angle 0..π/2 to a height or a length \[m\], whichever comes first; with the
+    /// Legendre functions of so many orders.
     pub fn new(
         shells: &Shells,
         lattice: &Lattice,
+        look: Look,
         (from, zenith): (f64, f64),
         (end, longest): (f64, f64),
         streams: usize,
         orders: usize,
     ) -> Self {
-        let mut steps = Vec::new();
+        let (mut steps, mut points): (Vec<Step>, Vec<Point>) = (Vec::new(), Vec::new());
         let mut rest = longest;
         'ray: for stretch in shells.rising(from, zenith, end) {
             for part in lattice.parts(stretch.layer) {
@@ -383,83 +501,198 @@ impl Sight {
                 if high <= low {
                     continue;
                 }
-                let at = |h: f64| shells.length(&stretch, h);
-                let whole = at(high) - at(low);
+                let whole = shells.length(&stretch, high) - shells.length(&stretch, low);
                 if whole > rest {
                     // Where the length runs out, to first order in what is left.
                     high = low + (high - low) * rest / whole;
                 }
-                steps.push(Step::new(shells, &stretch, part, (low, high), (top, bottom)));
+                let heights = [low, 0.5 * (low + high), high];
+                let along = heights.map(|h| shells.length(&stretch, h));
+                for h in &heights[usize::from(!points.is_empty())..] {
+                    points.push(Point::new(shells, &stretch, part, *h, (top, bottom)));
+                }
+                steps.push(Step { layer: stretch.layer, lengths: [along[1] - along[0], along[2] - along[1]] });
                 rest -= whole;
                 if rest <= 0.0 {
                     break 'ray;
                 }
             }
         }
-        let mut sight = Self { steps, legendre: Vec::new(), streams, orders };
-        sight.fill_legendre();
-        sight
-    }
-
-    fn fill_legendre(&mut self) {
-        let cosines = || self.steps.iter().flat_map(|step| step.cosines);
-        let (low, high) = cosines().fold((f64::INFINITY, 0.0), |(a, b), c| (f64::min(a, c), f64::max(b, c)));
-        let table = |mu: f64| {
-            let mut rows = Vec::with_capacity(self.orders * self.streams);
-            for m in 0..self.orders {
+        if look == Look::Down {
+            steps.reverse();
+            steps.iter_mut().for_each(|step| step.lengths.reverse());
+            points.reverse();
+        }
+        let table = |cosine: f64| {
+            let mu = if look == Look::Up { -cosine } else { cosine };
+            let mut rows = Vec::with_capacity(orders * streams);
+            for m in 0..orders {
                 let from = rows.len();
-                rows.resize(from + self.streams - m, 0.0);
+                rows.resize(from + streams - m, 0.0);
                 normalised(m, mu, &mut rows[from..]);
             }
             rows
         };
-        self.legendre = match high - low < STRAIGHT {
+        let cosines = || points.iter().map(|point| point.cosine);
+        let (low, high) = cosines().fold((f64::INFINITY, 0.0), |(a, b), c| (f64::min(a, c), f64::max(b, c)));
+        let legendre = match high - low < STRAIGHT {
             true => vec![table(0.5 * (low + high))],
             false => cosines().map(table).collect(),
         };
+        Self { steps, points, legendre, streams }
     }
 
-    fn legendre(&self, step: usize, point: usize) -> &[f64] {
-        if self.legendre.len() == 1 { &self.legendre[0] } else { &self.legendre[3 * step + point] }
-    }
-
-    /// Optical depth of the whole ray by an extinction per layer \[m⁻¹\].
-    pub fn depth(&self, extinction: &[f64]) -> f64 {
-        self.steps.iter().map(|step| extinction[step.layer] * (step.lengths[0] + step.lengths[1])).sum()
+    fn legendre(&self, point: usize) -> &[f64] {
+        if self.legendre.len() == 1 { &self.legendre[0] } else { &self.legendre[point] }
     }
 }
 
-impl Step {
-    fn new(
-        shells: &Shells,
-        stretch: &Stretch,
-        part: usize,
-        (low, high): (f64, f64),
-        (top, bottom): (f64, f64),
-    ) -> Self {
-        let heights = [low, 0.5 * (low + high), high];
-        let along = heights.map(|h| shells.length(stretch, h));
-        Self {
-            part,
-            layer: stretch.layer,
-            places: heights.map(|h| ((top - h) / (top - bottom)).clamp(0.0, 1.0)),
-            lengths: [along[1] - along[0], along[2] - along[1]],
-            cosines: heights.map(|h| shells.cosine(stretch, h)),
-            centres: heights.map(|h| shells.centre(stretch, h).to_degrees()),
+impl Point {
+    fn new(shells: &Shells, stretch: &Stretch, part: usize, height: f64, (top, bottom): (f64, f64)) -> Self {
+        let place = (2.0 * (top - height) / (top - bottom)).clamp(0.0, 2.0);
+        let nearest = place.round();
+        let (levels, used) = if (place - nearest).abs() < 1e-9 {
+            ([(2 * part + nearest as usize, 1.0), (0, 0.0), (0, 0.0)], 1)
+        } else {
+            let t = place - 1.0;
+            let shares = [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)];
+            (std::array::from_fn(|k| (2 * part + k, shares[k])), 3)
+        };
+        Self { levels, used, cosine: shells.cosine(stretch, height), centre: shells.centre(stretch, height) }
+    }
+}
+
+/// The sun over a point of a ray.
+#[derive(Clone, Copy, Debug)]
+struct SunAt {
+    /// Where its depths stand, and shares in a parabola.
+    column: usize,
+    parabola: [f64; 3],
+    /// Where its fields stand, and shares in a cubic.
+    field: usize,
+    cubic: [f64; 4],
+}
+
+/// The suns over the points of a ray at some azimuths from the sun's.
+#[derive(Clone, Debug)]
+pub(crate) struct Fan {
+    /// By azimuth and point.
+    suns: Vec<SunAt>,
+    azimuths: usize,
+}
+
+impl Fan {
+    /// For the `index`th sun of the site, at azimuths of the rising ray from its own \[rad\]; 0 rises towards the sun.
+    pub fn new(sight: &Sight, rays: &SunRays, fields: &FieldSuns, index: usize, azimuths: &[f64]) -> Self {
+        let (cos_sun, sin_sun) = (rays.zenith.cos(), rays.zenith.sin());
+        let offsets = rays.offsets;
+        let mut suns = Vec::with_capacity(azimuths.len() * sight.points.len());
+        for azimuth in azimuths {
+            for point in &sight.points {
+                let offset = if point.centre == 0.0 || offsets.reach == 0 {
+                    0.0
+                } else {
+                    let (sin, cos) = point.centre.sin_cos();
+                    let cosine = cos_sun * cos + sin_sun * sin * azimuth.cos();
+                    (cosine.clamp(-1.0, 1.0).acos() - rays.zenith).to_degrees()
+                };
+                let (column, parabola) = if offsets.reach == 0 {
+                    (0, [1.0, 0.0, 0.0])
+                } else {
+                    let last = (offsets.count() - 1) as f64;
+                    let x = (offset / offsets.step + offsets.reach as f64).clamp(0.0, last);
+                    let i = x.round().clamp(1.0, last - 1.0);
+                    let t = x - i;
+                    (i as usize - 1, [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)])
+                };
+                let (field, cubic) = fields.shares(index, rays.zenith, offset);
+                suns.push(SunAt { column, parabola, field, cubic });
+            }
+        }
+        Self { suns, azimuths: azimuths.len() }
+    }
+}
+
+impl Fan {
+    /// For one sun whose field stands alone.
+    pub fn alone(sight: &Sight, zenith: f64, depths: &SunDepths, azimuth: f64) -> Self {
+        let rays = SunRays { zenith, offsets: depths.offsets, lengths: Vec::new() };
+        let fields = FieldSuns { zeniths: Vec::new(), places: Vec::new(), lengths: Vec::new() };
+        Self::new(sight, &rays, &fields, 0, &[azimuth])
+    }
+}
+
+/// A ray through a column at one entry: what the points count for, whatever the sun.
+#[derive(Clone, Debug)]
+pub(crate) struct Weighed {
+    /// Scaled optical depth to each point.
+    passed: Vec<f64>,
+    /// What c_l^m Λ_l^m counts for, by point and l.
+    coefficients: Vec<f64>,
+}
+
+impl Weighed {
+    pub fn new(optics: &Optics, sight: &Sight) -> Self {
+        let n = sight.points.len();
+        let streams = sight.streams;
+        let mut weighed = Self { passed: vec![0.0; n], coefficients: vec![0.0; n * streams] };
+        for (s, step) in sight.steps.iter().enumerate() {
+            let beta = optics.scaled[step.layer];
+            let [near, far] = step.lengths.map(|length| length * beta);
+            let passed = weighed.passed[2 * s];
+            (weighed.passed[2 * s + 1], weighed.passed[2 * s + 2]) = (passed + near, passed + near + far);
+            let depth = near + far;
+            if depth <= 0.0 || passed > 700.0 {
+                continue;
+            }
+            let transmitted = (-passed).exp() * depth;
+            for (i, weight) in parabola(depth, near / depth).into_iter().enumerate() {
+                let weight = weight * transmitted;
+                let row = &mut weighed.coefficients[(2 * s + i) * streams..][..streams];
+                row.iter_mut().zip(&optics.layers[step.layer].coupling).for_each(|(k, c)| *k += weight * c);
+            }
+        }
+        weighed
+    }
+
+    /// What each point gives in each order of a field, by point and order.
+    pub fn project(&self, sight: &Sight, field: &Field, out: &mut Vec<f64>) {
+        let (streams, orders) = (sight.streams, field.orders.len());
+        out.clear();
+        for (i, point) in sight.points.iter().enumerate() {
+            let coefficients = &self.coefficients[i * streams..][..streams];
+            let legendre = sight.legendre(i);
+            let mut from = 0;
+            for (m, rows) in field.orders.iter().enumerate() {
+                let width = streams - m;
+                let rays = &legendre[from..][..width];
+                let row = |level: usize| &rows[level.saturating_sub(2 * field.first) * width..][..width];
+                let mut sum = 0.0;
+                for (level, share) in point.levels() {
+                    sum += share * triple(&coefficients[m..], row(level), rays);
+                }
+                out.push(sum);
+                from += width;
+            }
+            debug_assert_eq!(out.len(), (i + 1) * orders);
         }
     }
 }
 
-/// A solved column at one entry under one sun of unit irradiance.
-#[derive(Clone, Debug)]
-pub(crate) struct Lit {
-    pub depths: SunDepths,
-    tail: Vec<f64>,
-    /// Of the suns at the offsets of [`SunRays::fields`].
-    pub fields: Vec<Field>,
+/// Σ a b c, in four sums side by side.
+fn triple(a: &[f64], b: &[f64], c: &[f64]) -> f64 {
+    let mut sums = [0.0; 4];
+    let (mut a4, mut b4, mut c4) = (a.chunks_exact(4), b.chunks_exact(4), c.chunks_exact(4));
+    for ((a, b), c) in a4.by_ref().zip(b4.by_ref()).zip(c4.by_ref()) {
+        for k in 0..4 {
+            sums[k] += a[k] * b[k] * c[k];
+        }
+    }
+    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).zip(c4.remainder()).map(|((a, b), c)| a * b * c).sum();
+    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }
 
-/// What a ray gathers, by azimuth: light scattered once by each phase function without its P(Θ), and light scattered
+/// What a ray gathers at one azimuth: light scattered once by each phase function without its P(Θ), and light scattered
 /// before by each order without its cos mΔφ; and the second order of the peaked ones without its K(Θ).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gathered {
@@ -476,9 +709,7 @@ impl Gathered {
         let twice = optics.twice.as_ref().map_or(0.0, |tail| self.twice * tail.value(cos_scattering));
         (once + orders.sum::<f64>() + twice).max(0.0)
     }
-}
 
-impl Gathered {
     /// By a polynomial in cos Δφ through what was gathered at some azimuths.
     pub fn between(gathered: &[Gathered], azimuths: &[f64], azimuth: f64) -> Self {
         let x = azimuth.cos();
@@ -495,189 +726,81 @@ impl Gathered {
     }
 }
 
-impl Lit {
-    /// T′ of the beam at the ground.
-    pub fn direct(&self) -> f64 {
-        let levels = self.depths.depths.len() / self.depths.offsets.count();
-        (-self.depths.at(self.depths.from + levels - 1, 0.0)).exp()
-    }
-
-    /// What a ray through the parts from `first` down needs, under the sun of the site alone.
-    pub fn centre(&self, first: usize) -> Self {
-        let mut lit = Self {
-            depths: self.depths.clone(),
-            tail: self.tail[2 * first..].to_vec(),
-            fields: vec![self.fields[self.fields.len() / 2].clone()],
-        };
-        lit.depths.from = 2 * first;
-        lit.depths.depths.drain(..2 * first * lit.depths.offsets.count());
-        lit.fields[0].keep_below(first);
-        lit
-    }
-
-    /// Gathers light along a ray towards whoever looks, for a sun of zenith angle `zenith` \[rad\] whose azimuth is
-    /// `azimuth` \[rad\] from that of the ray (0: the ray rises towards the sun).
-    pub fn gather(&self, optics: &Optics, sight: &Sight, look: Look, zenith: f64, azimuth: f64) -> Gathered {
-        let mut gathered =
-            Gathered { once: vec![0.0; optics.phases.len()], orders: vec![0.0; sight.orders], twice: 0.0 };
-        let mut tail_passed = 0.0;
-        let mut passed = 0.0f64;
-        let (cos_sun, sin_sun, along) = (zenith.cos(), zenith.sin(), azimuth.cos());
-        let n_fields = self.fields.len();
-        let mut values = vec![0.0; sight.orders];
-        let order: &mut dyn Iterator<Item = usize> = match look {
-            Look::Up => &mut (0..sight.steps.len()),
-            Look::Down => &mut (0..sight.steps.len()).rev(),
-        };
-        for s in order {
-            let step = &sight.steps[s];
-            let near_first = |i: usize| if look == Look::Up { i } else { 2 - i };
-            let beta = optics.scaled[step.layer];
-            let lengths = if look == Look::Up { step.lengths } else { [step.lengths[1], step.lengths[0]] };
-            // The sun of each point.
-            let offsets: [f64; 3] = std::array::from_fn(|i| {
-                let centre = step.centres[near_first(i)].to_radians();
-                if centre == 0.0 {
-                    return 0.0;
-                }
-                let cosine = cos_sun * centre.cos() + sin_sun * centre.sin() * along;
-                (cosine.clamp(-1.0, 1.0).acos() - zenith).to_degrees()
-            });
-            let sun: [f64; 3] = std::array::from_fn(|i| self.sun_depth(step, near_first(i), offsets[i]));
-            let scattering = optics.scattering(step.layer);
-            let tail = optics.tail[step.layer];
-            let tails: [f64; 3] = std::array::from_fn(|i| {
-                let place = 2.0 * step.places[near_first(i)];
-                let half = (place as usize).min(1);
-                let at = |half: usize| self.tail[2 * step.part + half - self.depths.from];
-                at(half) + (at(half + 1) - at(half)) * (place - half as f64)
-            });
-            let mut depth = 0.0;
-            for half in 0..2 {
-                if sun[half] < BLOCKED {
-                    let gone = passed + depth + sun[half];
-                    if gone < 700.0 {
-                        let fall = beta * lengths[half] + sun[half + 1] - sun[half];
-                        let light = (-gone).exp() * lengths[half] * decay(fall) / (4.0 * PI);
-                        gathered.once.iter_mut().zip(scattering).for_each(|(k, b)| *k += b * light);
-                        let q_sun = 0.5 * (tails[half] + tails[half + 1]);
-                        let q_ray = tail_passed + tail * lengths[half] * (half as f64 + 0.5);
-                        gathered.twice += tail * light * 0.5 * (q_sun + q_ray);
-                    }
-                }
-                depth += beta * lengths[half];
+/// Gathers light along a ray for one sun of unit irradiance, at every azimuth of the fan; `projected` is what the points give
+/// in each of the fields that the fan draws on, counted from its first.
+pub(crate) fn gather(
+    optics: &Optics,
+    sight: &Sight,
+    weighed: &Weighed,
+    fan: &Fan,
+    depths: &SunDepths,
+    projected: &[Vec<f64>],
+) -> Vec<Gathered> {
+    let n = sight.points.len();
+    let orders = projected.iter().map(|p| p.len() / n.max(1)).max().unwrap_or(0);
+    let mut light = vec![(0.0, 0.0); n];
+    let tails: Vec<f64> = match optics.twice {
+        Some(_) => sight.points.iter().map(|point| depths.tail_at(point)).collect(),
+        None => Vec::new(),
+    };
+    (0..fan.azimuths)
+        .map(|azimuth| {
+            let suns = &fan.suns[azimuth * n..][..n];
+            let mut gathered =
+                Gathered { once: vec![0.0; optics.phases.len()], orders: vec![0.0; orders], twice: 0.0 };
+            // Depth by way of each point, sun and ray together, and what comes through.
+            for ((light, point), (sun, passed)) in
+                light.iter_mut().zip(&sight.points).zip(suns.iter().zip(&weighed.passed))
+            {
+                let depth = depths.at(point, sun) + passed;
+                *light = (depth, if depth < 700.0 { (-depth).exp() } else { 0.0 });
             }
-            if depth > 0.0 && passed < 700.0 {
-                let split = lengths[0] / (lengths[0] + lengths[1]);
-                let weights = parabola(depth, split);
-                let transmitted = (-passed).exp() * depth;
-                for i in 0..3 {
-                    let weight = transmitted * weights[i];
-                    let point = near_first(i);
-                    let shares = if n_fields == 1 { [0.0, 1.0, 0.0] } else { lagrange(offsets[i] / FIELD_STEP) };
-                    for (f, field) in self.fields.iter().enumerate() {
-                        let share = if n_fields == 1 { 1.0 } else { shares[f] };
-                        if share != 0.0 {
-                            source(optics, sight, field, s, point, look, &mut values);
-                            gathered.orders.iter_mut().zip(&values).for_each(|(o, v)| *o += weight * share * v);
+            let mut tail_passed = 0.0;
+            for (s, step) in sight.steps.iter().enumerate() {
+                let mut whole = 0.0;
+                let tail = optics.tail[step.layer];
+                for half in 0..2 {
+                    let i = 2 * s + half;
+                    let ((near, a), (far, b)) = (light[i], light[i + 1]);
+                    let length = step.lengths[half];
+                    if a > 0.0 || b > 0.0 {
+                        // The depth runs straight between the points: ∫ e^(−x), exact for one layer of a flat Earth.
+                        let fall = far - near;
+                        let mean = if fall.abs() > 1e-4 { (a - b) / fall } else { a * (1.0 - 0.5 * fall) };
+                        let got = mean * length * (0.25 / PI);
+                        whole += got;
+                        if tail > 0.0 {
+                            let q_ray = tail_passed + 0.5 * tail * length;
+                            gathered.twice += tail * got * 0.5 * (0.5 * (tails[i] + tails[i + 1]) + q_ray);
                         }
                     }
+                    tail_passed += tail * length;
+                }
+                let scattering = optics.scattering(step.layer);
+                gathered.once.iter_mut().zip(scattering).for_each(|(k, beta)| *k += beta * whole);
+            }
+            for (i, sun) in suns.iter().enumerate() {
+                for (k, share) in sun.cubic.iter().enumerate().filter(|(_, share)| **share != 0.0) {
+                    let field = &projected[sun.field + k];
+                    let own = field.len() / n;
+                    gathered.orders.iter_mut().zip(&field[i * own..][..own]).for_each(|(o, v)| *o += share * v);
                 }
             }
-            passed += depth;
-            tail_passed += tail * (lengths[0] + lengths[1]);
-        }
-        gathered
-    }
-
-    fn sun_depth(&self, step: &Step, point: usize, offset: f64) -> f64 {
-        let at = |half: usize| self.depths.at(2 * step.part + half, offset);
-        let place = step.places[point];
-        match place {
-            0.0 => at(0),
-            0.5 => at(1),
-            1.0 => at(2),
-            _ => {
-                let (a, b) = if place < 0.5 { (at(0), at(1)) } else { (at(1), at(2)) };
-                let t = if place < 0.5 { 2.0 * place } else { 2.0 * place - 1.0 };
-                if a.max(b) >= BLOCKED { if t < 0.5 { a } else { b } } else { a + (b - a) * t }
-            }
-        }
-    }
+            gathered
+        })
+        .collect()
 }
 
 /// Light of a ground of radiance 1, gathered along a ray; it has no azimuth.
-pub(crate) fn gather_ground(optics: &Optics, ground: &Field, sight: &Sight, look: Look) -> f64 {
-    let (mut sum, mut passed) = (0.0, 0.0f64);
-    let mut value = [0.0];
-    let order: &mut dyn Iterator<Item = usize> = match look {
-        Look::Up => &mut (0..sight.steps.len()),
-        Look::Down => &mut (0..sight.steps.len()).rev(),
-    };
-    for s in order {
-        let step = &sight.steps[s];
-        let lengths = if look == Look::Up { step.lengths } else { [step.lengths[1], step.lengths[0]] };
-        let depth = optics.scaled[step.layer] * (lengths[0] + lengths[1]);
-        if depth > 0.0 && passed < 700.0 {
-            let weights = parabola(depth, lengths[0] / (lengths[0] + lengths[1]));
-            for (i, weight) in weights.into_iter().enumerate() {
-                let point = if look == Look::Up { i } else { 2 - i };
-                source(optics, sight, ground, s, point, look, &mut value);
-                sum += (-passed).exp() * depth * weight * value[0];
-            }
-        }
-        passed += depth;
-    }
-    sum
-}
-
-/// J of each order at a point of a step, without its cos mΔφ.
-fn source(optics: &Optics, sight: &Sight, field: &Field, step: usize, point: usize, look: Look, out: &mut [f64]) {
-    let Step { part, layer, places, .. } = &sight.steps[step];
-    let coupling = &optics.layers[*layer].coupling;
-    let legendre = sight.legendre(step, point);
-    let place = places[point];
-    // A parabola through the part's own three points, or one of them.
-    let exact = (2.0 * place).round();
-    let nodes: &[(usize, f64)] = if (2.0 * place - exact).abs() < 1e-9 {
-        &[(exact as usize, 1.0)]
-    } else {
-        let [a, b, c] = lagrange(2.0 * place - 1.0);
-        &[(0, a), (1, b), (2, c)]
-    };
-    let mut from = 0;
-    for (m, out) in out.iter_mut().enumerate() {
-        let width = sight.streams - m;
-        *out = 0.0;
-        if let Some(rows) = field.orders.get(m) {
-            let rays = &legendre[from..from + width];
-            for (node, share) in nodes {
-                let place = 2 * (part - field.first) + node;
-                let row = &rows[place * width..(place + 1) * width];
-                // Light that comes down: Λ_l^m(−μ) = (−1)^(l+m) Λ_l^m(μ).
-                let (mut even, mut odd) = (0.0, 0.0);
-                for ((pair, c), ray) in coupling[m..].chunks(2).zip(row.chunks(2)).zip(rays.chunks(2)) {
-                    even += pair[0] * c[0] * ray[0];
-                    if pair.len() == 2 {
-                        odd += pair[1] * c[1] * ray[1];
-                    }
-                }
-                *out += share * if look == Look::Up { even - odd } else { even + odd };
-            }
-        }
-        from += width;
-    }
+pub(crate) fn gather_ground(sight: &Sight, weighed: &Weighed, ground: &Field) -> f64 {
+    let mut projected = Vec::new();
+    weighed.project(sight, ground, &mut projected);
+    projected.iter().sum::<f64>().max(0.0)
 }
 
 /// (1 − e^(−x))/x.
 fn decay(x: f64) -> f64 {
     if x.abs() < 1e-5 { 1.0 - 0.5 * x } else { -(-x).exp_m1() / x }
-}
-
-/// Shares of the nodes −1, 0, 1 in a parabola at t; beyond them that of the end.
-fn lagrange(t: f64) -> [f64; 3] {
-    let t = t.clamp(-1.0, 1.0);
-    [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)]
 }
 
 /// Weights of J at u = 0, `split` and 1 in ∫₀¹ J(u) e^(−T u) du, J a parabola.
@@ -709,28 +832,9 @@ fn falling_moments(depth: f64) -> [f64; 3] {
     [m0, m1, (2.0 * m1 - e) / depth]
 }
 
-/// Solves a column at one entry for suns, and over a shining ground: the fields of each sun, and of the ground.
-pub(crate) fn solve_entry(
-    optics: &Optics,
-    suns: &[Arc<SunRays>],
-    fluxes_only: bool,
-    accuracy: f64,
-) -> (Vec<Lit>, Field) {
-    let depths: Vec<SunDepths> = suns.iter().map(|sun| sun.depths(optics)).collect();
-    let offsets = |sun: &SunRays| if fluxes_only { &[0.0][..] } else { sun.fields() };
-    let beams: Vec<Beam> = (suns.iter().zip(&depths))
-        .flat_map(|(sun, depths)| offsets(sun).iter().map(|o| depths.beam(sun.cosine(*o), *o)))
-        .collect();
-    let Solution { beams: fields, ground } = solve(optics.streams, &optics.layers, &beams, fluxes_only, accuracy);
-    let mut fields = fields.into_iter();
-    let lit = (suns.iter().zip(depths))
-        .map(|(sun, depths)| Lit {
-            depths,
-            tail: sun.tail(optics),
-            fields: fields.by_ref().take(offsets(sun).len()).collect(),
-        })
-        .collect();
-    (lit, ground)
+/// Solves a column at one entry: the fields of some suns, and of a shining ground.
+pub(crate) fn solve_entry(optics: &Optics, suns: &FieldSuns, fluxes_only: bool, accuracy: f64) -> Solution {
+    solve(optics.streams, &optics.layers, &suns.beams(optics), fluxes_only, accuracy)
 }
 
 /// The streams that serve a number asked for: the next that the solver has.
@@ -799,32 +903,40 @@ mod tests {
                 radius: 6.371e6,
             };
             let shells = Shells::new(&strata, false);
-            let optics = Optics::new(&problem.medium, &shells, streams);
+            let optics = Optics::new(&problem.medium, &shells, streams, false);
             let lattice = Lattice::new(&shells, &optics);
-            let sun = Arc::new(SunRays::new(&shells, &lattice, problem.mu0.acos(), false));
-            let (lit, ground) = solve_entry(&optics, &[sun.clone()], false, 1e-9);
+            let zenith = problem.mu0.acos();
+            let rays = SunRays::new(&shells, &lattice, zenith);
+            let fields = FieldSuns::new(&shells, &lattice, &[zenith], false);
+            let Solution { beams, ground } = solve_entry(&optics, &fields, false, 1e-9);
+            let depths = rays.depths(&optics);
             let last = lattice.levels.len() - 1;
             let s = ground.down[last] / PI;
-            let direct = problem.mu0 * (-lit[0].depths.at(last, 0.0)).exp();
-            let shining = problem.albedo / PI * (direct + lit[0].fields[0].down[last]) / (1.0 - problem.albedo * s);
+            let direct = problem.mu0 * depths.direct();
+            let shining = problem.albedo / PI * (direct + beams[0].down[last]) / (1.0 - problem.albedo * s);
+            let mut projected = [Vec::new()];
             for row in radiances.iter().filter(|row| row[0] == problem.id) {
                 let number = |i: usize| row[i].parse::<f64>().unwrap();
-                let (up, mu, dphi, cos) = (row[3] == "up", number(4), number(5), number(6));
+                let (up, mu, dphi, cos) = (row[3] == "up", number(4), number(5).to_radians(), number(6));
                 let look = if up { Look::Down } else { Look::Up };
-                let (from, to) = match (row[1].as_str(), up) {
-                    ("middle", _) => continue,
-                    _ => (0.0, shells.top()),
+                let (from, end) = match (row[1].as_str(), up) {
+                    ("top" | "bottom", _) => (0.0, shells.top()),
+                    _ => continue,
                 };
                 if cos > 20f64.to_radians().cos() {
                     continue;
                 }
-                let sight = Sight::new(&shells, &lattice, (from, mu.acos()), (to, f64::INFINITY), streams, streams);
-                let azimuth = if up { PI - dphi.to_radians() } else { dphi.to_radians() };
-                let gathered = lit[0].gather(&optics, &sight, look, sun.zenith, azimuth);
-                let mut found = gathered.radiance(&optics, cos, dphi.to_radians());
-                found += shining * gather_ground(&optics, &ground, &sight, look);
+                let sight =
+                    Sight::new(&shells, &lattice, look, (from, mu.acos()), (end, f64::INFINITY), streams, streams);
+                let azimuth = if up { PI - dphi } else { dphi };
+                let fan = Fan::new(&sight, &rays, &fields, 0, &[azimuth]);
+                let weighed = Weighed::new(&optics, &sight);
+                weighed.project(&sight, &beams[0], &mut projected[0]);
+                let gathered = gather(&optics, &sight, &weighed, &fan, &depths, &projected).remove(0);
+                let mut found = gathered.radiance(&optics, cos, dphi);
+                found += shining * gather_ground(&sight, &weighed, &ground);
                 if up {
-                    found += shining * (-sight.depth(&optics.scaled)).exp();
+                    found += shining * (-weighed.passed[weighed.passed.len() - 1]).exp();
                 }
                 let due = number(7);
                 let error = (found / due - 1.0).abs();

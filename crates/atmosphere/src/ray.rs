@@ -74,6 +74,11 @@ impl Shells {
         Self { heights, round }
     }
 
+    /// Whether the Earth is round.
+    pub fn is_round(&self) -> bool {
+        self.round.is_some()
+    }
+
     /// Height of the top \[m\].
     pub fn top(&self) -> f64 {
         self.heights[0]

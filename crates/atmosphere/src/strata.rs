@@ -160,6 +160,43 @@ impl Site {
         Ok(media)
     }
 
+    /// Absorption optical depths of the column in lines and continuum of water and in lines of oxygen, at every entry of a
+    /// grid.
+    pub fn absorbed(&self, grid: &SpectralGrid) -> Vec<[f64; 2]> {
+        (grid.entries().iter())
+            .map(|entry| {
+                let bin = grid.bin_of(entry);
+                let node = usize::from(entry.wavelength.um() > bin.centre());
+                let gas = BinAbsorption::of(bin);
+                let mut sums = [0.0; 2];
+                for amounts in &self.gases {
+                    let own = gas.water_and_oxygen(node, usize::from(entry.g), amounts);
+                    sums.iter_mut().zip(own).for_each(|(sum, own)| *sum += own);
+                }
+                sums
+            })
+            .collect()
+    }
+
+    /// The column at a wavelength \[µm\] with given absorption optical depths of water and oxygen in place of its own.
+    pub fn absorbing(&self, wavelength: f64, absorbed: [f64; 2]) -> Medium {
+        let scatterers = self.scatterers(wavelength);
+        let [water, oxygen] = absorbed;
+        let band = gas::water_band(wavelength);
+        let total = |of: &dyn Fn(&Amounts) -> f64| self.gases.iter().map(of).sum::<f64>().max(1e-300);
+        let (all_water, all_oxygen) = (total(&|a| a.water[band]), total(&|a| a.oxygen));
+        let layers = (scatterers.layers.into_iter().zip(&self.gases))
+            .map(|(layer, amounts)| Layer {
+                absorption: layer.absorption
+                    + gas::grey(wavelength, amounts)
+                    + water * amounts.water[band] / all_water
+                    + oxygen * amounts.oxygen / all_oxygen,
+                scattering: layer.scattering,
+            })
+            .collect();
+        Medium { layers, phases: scatterers.phases }
+    }
+
     /// Molecules, aerosols and cloud at a wavelength \[µm\].
     fn scatterers(&self, wavelength: f64) -> Scatterers {
         let cross_section = rayleigh::cross_section(wavelength);

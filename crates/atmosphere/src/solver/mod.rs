@@ -64,6 +64,27 @@ pub(crate) struct Field {
 }
 
 impl Field {
+    /// The sum of shares of fields, from a part down.
+    pub fn mixed(fields: &[Field], shares: &[f64], first: usize) -> Self {
+        let mut out = Self { first, ..Self::default() };
+        for (field, share) in fields.iter().zip(shares) {
+            let levels = field.down.len();
+            let dropped = 2 * (first - field.first);
+            for (m, rows) in field.orders.iter().enumerate() {
+                let rows = &rows[dropped * rows.len() / levels..];
+                if out.orders.len() <= m {
+                    out.orders.push(vec![0.0; rows.len()]);
+                }
+                out.orders[m].iter_mut().zip(rows).for_each(|(sum, c)| *sum += share * c);
+            }
+            for (sum, flux) in [(&mut out.down, &field.down), (&mut out.up, &field.up)] {
+                sum.resize(levels - dropped, 0.0);
+                sum.iter_mut().zip(&flux[dropped..]).for_each(|(sum, flux)| *sum += share * flux);
+            }
+        }
+        out
+    }
+
     /// Drops what lies above a part.
     pub fn keep_below(&mut self, first: usize) {
         let levels = self.down.len();
@@ -108,17 +129,26 @@ where
 {
     let quadrature = Quadrature::<N>::new();
     let mut solution = Solution { beams: vec![Field::default(); beams.len()], ground: Field::default() };
-    let mut scale = Vec::new();
-    let mut small = 0;
+    // Each beam has its own end, whatever beams stand beside it.
+    let mut open: Vec<Open> = beams.iter().map(|_| Open::default()).collect();
     for m in 0..if fluxes_only { 1 } else { 2 * N } {
-        let order = Order::new(m, &quadrature);
-        let change = one_order(&order, &quadrature, layers, beams, &mut solution, &mut scale);
-        small = if m > 0 && change < accuracy { small + 1 } else { 0 };
-        if small == 2 || change == 0.0 && m > 0 {
+        if m > 0 && open.iter().all(|beam| beam.done) {
             break;
         }
+        let order = Order::new(m, &quadrature);
+        one_order(&order, &quadrature, layers, beams, &mut solution, &mut open, accuracy);
     }
     solution
+}
+
+/// Whether a beam still wants orders.
+#[derive(Clone, Copy, Debug, Default)]
+struct Open {
+    done: bool,
+    /// The size of J at m = 0.
+    scale: f64,
+    /// Orders in a row that changed little.
+    small: usize,
 }
 
 /// What the downward sweep keeps of a part.
@@ -131,16 +161,16 @@ struct Joined<const N: usize> {
     inner: Option<(Matrix<N>, Matrix<N>)>,
 }
 
-/// Adds the order m to the fields; the largest share by which it changes J anywhere.
+/// Adds the order m to the fields of the beams that still want it.
 fn one_order<const N: usize>(
     order: &Order<N>,
     quadrature: &Quadrature<N>,
     layers: &[Scaled],
     beams: &[Beam],
     solution: &mut Solution,
-    scale: &mut Vec<f64>,
-) -> f64
-where
+    open: &mut [Open],
+    accuracy: f64,
+) where
     Sizes: Eigen<N>,
 {
     let operators: Vec<Operator<N>> =
@@ -190,38 +220,34 @@ where
         (0..N).for_each(|i| ground[i] = (quadrature.weights[i] * quadrature.cosines[i]).sqrt());
         stack.add(None, &ground, &mut solution.ground);
     }
-    if beams.is_empty() || dark {
-        return 0.0;
-    }
-    for (beam, field) in beams.iter().zip(&mut solution.beams) {
+    for ((beam, field), open) in beams.iter().zip(&mut solution.beams).zip(open).filter(|(_, open)| !open.done) {
+        if dark && order.m > 0 {
+            open.done = true;
+            continue;
+        }
         stack.add(Some(beam), &[0.0; N], field);
+        let size = size(order.m, layers, field);
+        if order.m == 0 {
+            open.scale = size;
+        } else {
+            open.small = if size <= accuracy * open.scale { open.small + 1 } else { 0 };
+            open.done = open.small == 2;
+        }
     }
-    change(order.m, layers, beams.len(), solution, scale)
 }
 
-/// The largest share that the moments of order m have in the source, over layers and beams; `scale` keeps those of m = 0.
-fn change(m: usize, layers: &[Scaled], beams: usize, solution: &Solution, scale: &mut Vec<f64>) -> f64 {
-    let mut largest: f64 = 0.0;
-    let mut place = 0;
-    for b in 0..beams {
-        let rows = &solution.beams[b].orders[m];
-        let (mut k, mut sums) = (0, Vec::with_capacity(layers.len()));
-        let width = rows.len() / solution.beams[b].down.len();
-        for layer in layers {
-            let row = &rows[(k + 1) * width..(k + 2) * width];
-            let sum: f64 = row.iter().zip(&layer.coupling[m..]).map(|(c, coupling)| (c * coupling).abs()).sum();
-            sums.push(sum * layer.depth.min(1.0));
-            k += 2 * layer.parts;
-        }
-        let most = sums.iter().copied().fold(0.0, f64::max);
-        if m == 0 {
-            scale.push(most);
-        } else if scale[place] > 0.0 {
-            largest = largest.max(most / scale[place]);
-        }
-        place += 1;
+/// How large J is in the moments of order m: the most of any layer.
+fn size(m: usize, layers: &[Scaled], field: &Field) -> f64 {
+    let rows = &field.orders[m];
+    let width = rows.len() / field.down.len();
+    let (mut k, mut most) = (0, 0.0f64);
+    for layer in layers {
+        let row = &rows[(k + 1) * width..(k + 2) * width];
+        let sum: f64 = row.iter().zip(&layer.coupling[m..]).map(|(c, coupling)| (c * coupling).abs()).sum();
+        most = most.max(sum * layer.depth.min(1.0));
+        k += 2 * layer.parts;
     }
-    if m == 0 { f64::INFINITY } else { largest }
+    most
 }
 
 struct Stack<'a, const N: usize> {
