@@ -34,10 +34,10 @@ Multiple scattering, order by order of azimuth, plane-parallel
 
 Round Earth
   x = n r, x sin θ = p along a ray [Born1999]; x is a straight line in a shell, so lengths and angles are closed forms.
-  Refraction by the column's own air, at 0.55 µm for all wavelengths. Along a line of sight the angles of view and
-  sun change. The plane-parallel solution is driven by a beam of spherical lengths [Dahlback1991], for the sun's zenith
-  angle at the site and 4° to both sides, and read at the sun of each point [Spurr2002]. Beams and single scattering are
-  those of spherical shells; light scattered more often is taken as if the shells were level where it is.
+  Refraction by the column's own air, at 0.55 µm for all wavelengths. Along a line of sight the angles of view and sun
+  change. The plane-parallel solution is driven by beams of spherical lengths [Dahlback1991], for a row of the sun's
+  zenith angles, and read at the sun of each point [Spurr2002]. Beams and single scattering are those of spherical
+  shells; light scattered more often is taken as if the shells were level where it is.
   Twilight: with the sun below the horizon τ₁ = 0 while the high air is still lit, down to a true zenith angle of 98°.
 
 The air
@@ -69,9 +69,9 @@ Parameters
   streams    directions of the quadrature: 4, 8, 16, 32 or 64 (a number between is raised to the next); auto is 16
   geometry   spherical, or plane: no curvature, no refraction, no twilight
   accuracy   azimuthal orders are added until two in a row change the source by less than this share
-  spectrum   adapted: fluxes and transmittances at every wavelength and term g, radiances where wavelength or absorption
-             has gone on by a step; between them the shares L/E_d of the sky and L_u over the path's scattering optical
-             depth are interpolated. full: radiances everywhere, for checks
+  spectrum   adapted: fluxes and transmittances at every wavelength and term g, radiances for a ladder of columns over
+             wavelength and absorption; between its rungs the shares L/E_d of the sky and L_u over the path's scattering
+             optical depth are interpolated. full: radiances everywhere, for checks
 
 Sky: L_d is known at 17 zenith angles by 13 azimuths from the sun's and interpolated as a ratio to a shape that has the
 aureole and the brightening horizon in it.
