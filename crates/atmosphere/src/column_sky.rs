@@ -19,8 +19,8 @@ use sunglint_radiometry::{Irradiance, Radiance, Spectrum, Transmittance, WorldDi
 use crate::ladder::Ladder;
 use crate::medium::{Layer, Medium, Strata};
 use crate::radiance::{
-    Fan, FieldSuns, Gathered, Lattice, Look, Optics, Sight, SunDepths, SunRays, Weighed, gather, gather_ground,
-    solve_entry,
+    Fan, FieldSuns, Gathered, Lattice, Look, Optics, Projected, Sight, SunDepths, SunRays, Weighed, gather,
+    gather_ground, solve_entry,
 };
 use crate::ray::Shells;
 use crate::solver::{Field, Solution};
@@ -221,8 +221,22 @@ struct Nodes {
 const ZENITHS: [f64; 17] =
     [0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 55.0, 62.0, 68.0, 73.0, 77.5, 81.5, 85.0, 87.5, 89.2, 90.0];
 const AZIMUTHS: usize = 13;
-/// Azimuths at which light is gathered; between them a polynomial in cos Δφ.
+/// Azimuths at which light is gathered; between them a polynomial in cos Δφ. Three serve where a ray sees the sun change
+/// little along its way.
 const GATHERED: [f64; 5] = [0.0, PI / 4.0, PI / 2.0, 3.0 * PI / 4.0, PI];
+const FEW: [f64; 3] = [0.0, PI / 2.0, PI];
+/// Zenith angle from which all are \[rad\].
+const LOW: f64 = 72.0 * PI / 180.0;
+
+/// Shares of gathered azimuths at another.
+fn azimuth_shares(gathered: &[f64], azimuth: f64) -> Vec<f64> {
+    let x = azimuth.cos();
+    let share = |i: usize| -> f64 {
+        let others = gathered.iter().enumerate().filter(|(j, _)| *j != i);
+        others.map(|(_, a)| (x - a.cos()) / (gathered[i].cos() - a.cos())).product()
+    };
+    (0..gathered.len()).map(share).collect()
+}
 
 impl Nodes {
     fn new() -> Self {
@@ -248,7 +262,15 @@ impl Nodes {
     /// The sky of every column at the nodes.
     fn solve(&self, shells: &Shells, lattices: &Lattices, columns: &[Column], suns: usize) -> Vec<NodeSky> {
         let streams = columns.first().map_or(0, |column| column.optics.streams());
-        let gathered = if shells.is_round() { &GATHERED[..] } else { &GATHERED[..1] };
+        // On a flat Earth every azimuth has the same suns.
+        let gathered = |zenith: f64| match (shells.is_round(), zenith > LOW) {
+            (true, true) => &GATHERED[..],
+            (true, false) => &FEW[..],
+            (false, _) => &FEW[..1],
+        };
+        let mixes: Vec<Vec<Vec<f64>>> = (self.zeniths.iter().enumerate())
+            .map(|(j, zenith)| self.ring(j).iter().map(|a| azimuth_shares(gathered(*zenith), *a)).collect())
+            .collect();
         // Rays and their suns, by lattice.
         let rays: Vec<Vec<(Sight, Vec<Fan>)>> = (lattices.lattices.par_iter().enumerate())
             .map(|(l, lattice)| {
@@ -256,7 +278,8 @@ impl Nodes {
                 (self.zeniths.iter())
                     .map(|zenith| {
                         let sight = Sight::new(shells, lattice, Look::Up, (0.0, *zenith), all, streams, streams);
-                        let fan = |sun| Fan::new(&sight, &lattices.rays[l][sun], &lattices.fields[l], sun, gathered);
+                        let azimuths = gathered(*zenith);
+                        let fan = |sun| Fan::new(&sight, &lattices.rays[l][sun], &lattices.fields[l], sun, azimuths);
                         let fans = (0..suns).map(fan).collect();
                         (sight, fans)
                     })
@@ -280,12 +303,12 @@ impl Nodes {
                         .collect(),
                     returned: solution.ground.down.last().copied().unwrap_or(0.0) / PI,
                 };
-                let mut projected = vec![Vec::new(); solution.beams.len()];
+                let mut projected = vec![Projected::default(); solution.beams.len()];
                 for (j, (sight, fans)) in rays[column.lattice].iter().enumerate() {
                     let weighed = Weighed::new(optics, sight);
-                    sky.by_ground.push(gather_ground(sight, &weighed, &solution.ground));
+                    sky.by_ground.push(gather_ground(&weighed, &solution.ground));
                     for (field, out) in solution.beams.iter().zip(&mut projected) {
-                        weighed.project(sight, field, out);
+                        weighed.project(field, sight.is_flat(), out);
                     }
                     for ((sun, fan), (depths, out)) in suns.iter().zip(fans).zip(depths.iter().zip(&mut sky.by_sun)) {
                         let all = gather(optics, sight, &weighed, fan, depths, &projected);
@@ -295,7 +318,7 @@ impl Nodes {
                             let one = if all.len() == 1 {
                                 &all[0]
                             } else {
-                                mixed = Gathered::between(&all, gathered, *azimuth);
+                                mixed = Gathered::mixed(&all, &mixes[j][k]);
                                 &mixed
                             };
                             out[self.index(j, k)] = one.radiance(optics, cos, *azimuth);
@@ -360,20 +383,19 @@ impl Shape {
             .map(|(s, zenith)| {
                 let sun = &lattices.rays[0][s];
                 let depths = sun.depths(&optics);
-                let gathered = |i: usize, projected: &[Vec<f64>]| {
+                let gathered = |i: usize, projected: &[Projected]| {
                     let (sight, weighed) = &rays[i];
                     let fan = Fan::new(sight, sun, fields, s, &[FRAC_PI_2]);
                     gather(&optics, sight, weighed, &fan, &depths, projected).remove(0)
                 };
-                let none = vec![Vec::new(); solution.beams.len()];
-                let thickness = (0..rays.len())
-                    .map(|i| gathered(i, &none).once.iter().sum::<f64>().max(1e-300).ln())
-                    .collect();
+                let none = vec![Projected::default(); solution.beams.len()];
+                let thickness =
+                    (0..rays.len()).map(|i| gathered(i, &none).once.iter().sum::<f64>().max(1e-300).ln()).collect();
                 // Light scattered more than once, against what is gathered of light scattered once, at a middle angle.
                 let middle = Self::THICKNESS / 2;
                 let mut projected = none.clone();
                 for (field, out) in solution.beams.iter().zip(&mut projected) {
-                    rays[middle].1.project(&rays[middle].0, field, out);
+                    rays[middle].1.project(field, false, out);
                 }
                 let typical = gathered(middle, &projected);
                 let once: f64 = typical.once.iter().sum();
@@ -409,9 +431,8 @@ fn line(values: &[f64], x: f64) -> f64 {
 fn cubic(nodes: &[f64], x: f64) -> (usize, [f64; 4]) {
     let i = nodes.partition_point(|node| *node <= x).clamp(2, nodes.len() - 2) - 2;
     let around: [f64; 4] = std::array::from_fn(|k| nodes[i + k]);
-    let share = |k: usize| -> f64 {
-        (0..4).filter(|j| *j != k).map(|j| (x - around[j]) / (around[k] - around[j])).product()
-    };
+    let share =
+        |k: usize| -> f64 { (0..4).filter(|j| *j != k).map(|j| (x - around[j]) / (around[k] - around[j])).product() };
     (i, std::array::from_fn(share))
 }
 
@@ -609,7 +630,7 @@ impl SkyState for ColumnSkyState {
             })
             .collect();
         // L_u over the scattering optical depth of the path, for the sun and for a shining ground.
-        let mut projected = [Vec::new()];
+        let mut projected = [Projected::default()];
         let per_scattering: Vec<(f64, f64)> = (shared.grounds.iter().zip(&self.lit))
             .map(|((optics, lattice, ground), (depths, field))| {
                 let (sight, fan) = &rays[*lattice];
@@ -618,10 +639,10 @@ impl SkyState for ColumnSkyState {
                     return (0.0, 0.0);
                 }
                 let weighed = Weighed::new(optics, sight);
-                weighed.project(sight, field, &mut projected[0]);
+                weighed.project(field, false, &mut projected[0]);
                 let gathered = gather(optics, sight, &weighed, fan, depths, &projected).remove(0);
                 let by_sun = gathered.radiance(optics, cos_scattering, between);
-                (by_sun / scattering, gather_ground(sight, &weighed, ground) / scattering)
+                (by_sun / scattering, gather_ground(&weighed, ground) / scattering)
             })
             .collect();
         // Shares of logarithms: what absorbs more gathers less by orders of magnitude.
@@ -668,8 +689,11 @@ mod timing {
                     .collect(),
             })
             .collect::<Vec<_>>();
-        let suns = |n: usize| -> Vec<Sun> { (0..n).map(|i| Sun::at((80.0 - 2.0 * i as f64).to_radians(), 1.0)).collect() };
-        for (streams, spherical, n) in [(8, false, 1), (16, false, 1), (8, true, 1), (16, true, 1), (16, true, 30), (16, false, 30)] {
+        let suns =
+            |n: usize| -> Vec<Sun> { (0..n).map(|i| Sun::at((80.0 - 2.0 * i as f64).to_radians(), 1.0)).collect() };
+        for (streams, spherical, n) in
+            [(8, false, 1), (16, false, 1), (8, true, 1), (16, true, 1), (16, true, 30), (16, false, 30)]
+        {
             let air = || ColumnAir {
                 strata: strata.clone(),
                 media: media.clone(),
@@ -678,11 +702,21 @@ mod timing {
                 notes: vec![],
                 ladder: Box::new(|media| Ladder::of_every(media, media[30].clone())),
             };
-            let needs = Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: false, path_heights: None };
+            let needs = Needs {
+                direct_beam: true,
+                diffuse_irradiance: true,
+                directional_sky: true,
+                path: false,
+                path_heights: None,
+            };
             let settings = Settings { streams, spherical, accuracy: 1e-3 };
             let start = std::time::Instant::now();
             let s = solve(air(), &suns(n), &needs, &settings);
-            eprintln!("{streams} {spherical} {n}: {:.3} s, {}", start.elapsed().as_secs_f64(), s[0].diffuse_irradiance()[30]);
+            eprintln!(
+                "{streams} {spherical} {n}: {:.3} s, {}",
+                start.elapsed().as_secs_f64(),
+                s[0].diffuse_irradiance()[30]
+            );
         }
     }
 }

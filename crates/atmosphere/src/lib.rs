@@ -12,6 +12,7 @@ mod interpolation;
 mod kdistribution;
 mod ladder;
 mod layered;
+mod layers;
 mod measured;
 mod medium;
 mod none;
@@ -30,6 +31,8 @@ mod spectrl2;
 mod strata;
 mod sun;
 mod table;
+#[cfg(test)]
+mod validation;
 mod vertical;
 
 pub use aerosol::{AEROSOLS, Aerosol, AerosolOptics};
@@ -44,7 +47,7 @@ use sunglint_plugin::Model;
 use sunglint_radiometry::{Bin, SpectralGrid};
 
 /// The atmospheres this build knows.
-pub const BUILTIN: &[Model<dyn Atmosphere>] = &[none::MODEL, table::MODEL, spectrl2::MODEL, measured::MODEL, layered::MODEL];
+pub const BUILTIN: &[Model<dyn Atmosphere>] = &[none::MODEL, table::MODEL, spectrl2::MODEL, measured::MODEL, layered::MODEL, layers::MODEL];
 
 /// Why a provider gives no answer.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -112,7 +112,7 @@ impl Atmosphere for Bare {
     }
 }
 
-fn on_grid(name: &str, value: &SpectralValue, grid: &SpectralGrid) -> Result<Vec<f64>, AtmosphereError> {
+pub(crate) fn on_grid(name: &str, value: &SpectralValue, grid: &SpectralGrid) -> Result<Vec<f64>, AtmosphereError> {
     if let SpectralValue::Curve(curve) = value
         && !grid.bins().iter().all(|bin| curve.covers(bin.lower, bin.upper))
     {

@@ -242,7 +242,7 @@ fn to_sun(shells: &Shells, lattice: &Lattice, zenith: f64) -> Vec<Option<Vec<f64
 
 /// Optical depths of those lengths, each layer by its extinction \[m⁻¹\].
 fn depth_along(lengths: &Option<Vec<f64>>, extinction: &[f64]) -> f64 {
-    lengths.as_ref().map_or(BLOCKED, |lengths| lengths.iter().zip(extinction).map(|(s, beta)| s * beta).sum())
+    lengths.as_ref().map_or(BLOCKED, |lengths| dot(lengths, extinction))
 }
 
 impl SunRays {
@@ -326,7 +326,15 @@ impl SunDepths {
                 * match a.max(*b).max(*c) < BLOCKED {
                     true => (u * a + v * b + w * c).max(0.0),
                     // Beside the shadow of the Earth: the nearest.
-                    false => if u > v && u > w { *a } else if w > v { *c } else { *b },
+                    false => {
+                        if u > v && u > w {
+                            *a
+                        } else if w > v {
+                            *c
+                        } else {
+                            *b
+                        }
+                    }
                 };
         }
         sum
@@ -352,9 +360,8 @@ fn field_shares(zenith: f64) -> (usize, [f64; 4]) {
     let above = (0..FIELD_ZENITHS).find(|i| field_zenith(*i) > zenith).unwrap_or(FIELD_ZENITHS - 1);
     let first = above.clamp(2, FIELD_ZENITHS - 2) - 2;
     let nodes: [f64; 4] = std::array::from_fn(|k| field_zenith(first + k));
-    let share = |k: usize| -> f64 {
-        (0..4).filter(|j| *j != k).map(|j| (zenith - nodes[j]) / (nodes[k] - nodes[j])).product()
-    };
+    let share =
+        |k: usize| -> f64 { (0..4).filter(|j| *j != k).map(|j| (zenith - nodes[j]) / (nodes[k] - nodes[j])).product() };
     (first, std::array::from_fn(share))
 }
 
@@ -393,11 +400,15 @@ impl FieldSuns {
     }
 
     fn beams(&self, optics: &Optics) -> Vec<Beam> {
-        let transmittance = |lengths: &Vec<Option<Vec<f64>>>| {
-            lengths.iter().map(|l| (-depth_along(l, &optics.scaled)).exp()).collect()
-        };
+        let transmittance =
+            |lengths: &Vec<Option<Vec<f64>>>| lengths.iter().map(|l| (-depth_along(l, &optics.scaled)).exp()).collect();
         let beams = self.zeniths.iter().zip(&self.lengths);
         beams.map(|(zenith, l)| Beam { cosine: zenith.cos(), transmittance: transmittance(l) }).collect()
+    }
+
+    /// Whether fields stand for suns of a fixed row, not for the site's own.
+    fn are_spread(&self) -> bool {
+        self.places.iter().any(Option::is_some)
     }
 
     /// T′ of each beam at the ground.
@@ -408,7 +419,7 @@ impl FieldSuns {
 
     /// First field and shares for a sun of zenith angle \[rad\], the `index`th of the site, seen `offset` \[deg\] beside it.
     fn shares(&self, index: usize, zenith: f64, offset: f64) -> (usize, [f64; 4]) {
-        if self.places.iter().all(Option::is_none) {
+        if !self.are_spread() {
             return (index, [1.0, 0.0, 0.0, 0.0]);
         }
         let at = (zenith.to_degrees() + offset.clamp(-FIELD_REACH, FIELD_REACH)).max(0.0);
@@ -542,6 +553,11 @@ impl Sight {
         Self { steps, points, legendre, streams }
     }
 
+    /// Whether the sun changes along the ray by more than the sun of one place can stand for.
+    pub fn is_flat(&self) -> bool {
+        self.points.first().is_some_and(|point| point.cosine < FLAT)
+    }
+
     fn legendre(&self, point: usize) -> &[f64] {
         if self.legendre.len() == 1 { &self.legendre[0] } else { &self.legendre[point] }
     }
@@ -579,6 +595,27 @@ pub(crate) struct Fan {
     /// By azimuth and point.
     suns: Vec<SunAt>,
     azimuths: usize,
+    /// Whether there are fields for other suns than the site's.
+    spread: bool,
+    /// At each azimuth: fields and shares for points of angles at the Earth's centre k `MEAN_STEP`.
+    means: Vec<[(usize, [f64; 4]); MEANS]>,
+}
+
+const MEANS: usize = 5;
+const MEAN_STEP: f64 = 0.005;
+
+impl Fan {
+    /// Field and shares at an azimuth for light from an angle at the Earth's centre \[rad\].
+    fn mean(&self, azimuth: usize, centre: f64) -> (usize, [f64; 4]) {
+        let means = &self.means[azimuth];
+        let x = (centre / MEAN_STEP).clamp(0.0, (MEANS - 1) as f64);
+        let i = (x as usize).min(MEANS - 2);
+        let (t, (a, near), (b, far)) = (x - i as f64, means[i], means[i + 1]);
+        if a != b {
+            return if t < 0.5 { means[i] } else { means[i + 1] };
+        }
+        (a, std::array::from_fn(|k| near[k] + (far[k] - near[k]) * t))
+    }
 }
 
 impl Fan {
@@ -587,15 +624,20 @@ impl Fan {
         let (cos_sun, sin_sun) = (rays.zenith.cos(), rays.zenith.sin());
         let offsets = rays.offsets;
         let mut suns = Vec::with_capacity(azimuths.len() * sight.points.len());
+        let offset_at = |centre: f64, azimuth: f64| {
+            if centre == 0.0 || offsets.reach == 0 {
+                return 0.0;
+            }
+            let (sin, cos) = centre.sin_cos();
+            let cosine = cos_sun * cos + sin_sun * sin * azimuth.cos();
+            (cosine.clamp(-1.0, 1.0).acos() - rays.zenith).to_degrees()
+        };
+        let mut means = Vec::with_capacity(azimuths.len());
         for azimuth in azimuths {
+            let mean = |k: usize| fields.shares(index, rays.zenith, offset_at(MEAN_STEP * k as f64, *azimuth));
+            means.push(std::array::from_fn(mean));
             for point in &sight.points {
-                let offset = if point.centre == 0.0 || offsets.reach == 0 {
-                    0.0
-                } else {
-                    let (sin, cos) = point.centre.sin_cos();
-                    let cosine = cos_sun * cos + sin_sun * sin * azimuth.cos();
-                    (cosine.clamp(-1.0, 1.0).acos() - rays.zenith).to_degrees()
-                };
+                let offset = offset_at(point.centre, *azimuth);
                 let (column, parabola) = if offsets.reach == 0 {
                     (0, [1.0, 0.0, 0.0])
                 } else {
@@ -609,7 +651,7 @@ impl Fan {
                 suns.push(SunAt { column, parabola, field, cubic });
             }
         }
-        Self { suns, azimuths: azimuths.len() }
+        Self { suns, azimuths: azimuths.len(), spread: fields.are_spread(), means }
     }
 }
 
@@ -627,68 +669,128 @@ impl Fan {
 pub(crate) struct Weighed {
     /// Scaled optical depth to each point.
     passed: Vec<f64>,
-    /// What c_l^m Λ_l^m counts for, by point and l.
-    coefficients: Vec<f64>,
+    /// The first level that it draws on, and how far along the ray each is: the angle at the Earth's centre \[rad\].
+    first: usize,
+    centres: Vec<f64>,
+    /// What c_l^m counts for, by m, level and l.
+    kernel: Vec<Vec<f64>>,
 }
 
 impl Weighed {
     pub fn new(optics: &Optics, sight: &Sight) -> Self {
         let n = sight.points.len();
         let streams = sight.streams;
-        let mut weighed = Self { passed: vec![0.0; n], coefficients: vec![0.0; n * streams] };
+        let mut passed = vec![0.0f64; n];
+        // What c_l^m Λ_l^m counts for, by point and l.
+        let mut coefficients = vec![0.0; n * streams];
         for (s, step) in sight.steps.iter().enumerate() {
             let beta = optics.scaled[step.layer];
             let [near, far] = step.lengths.map(|length| length * beta);
-            let passed = weighed.passed[2 * s];
-            (weighed.passed[2 * s + 1], weighed.passed[2 * s + 2]) = (passed + near, passed + near + far);
+            let so_far = passed[2 * s];
+            (passed[2 * s + 1], passed[2 * s + 2]) = (so_far + near, so_far + near + far);
             let depth = near + far;
-            if depth <= 0.0 || passed > 700.0 {
+            if depth <= 0.0 || so_far > 700.0 {
                 continue;
             }
-            let transmitted = (-passed).exp() * depth;
+            let transmitted = (-so_far).exp() * depth;
             for (i, weight) in parabola(depth, near / depth).into_iter().enumerate() {
                 let weight = weight * transmitted;
-                let row = &mut weighed.coefficients[(2 * s + i) * streams..][..streams];
+                let row = &mut coefficients[(2 * s + i) * streams..][..streams];
                 row.iter_mut().zip(&optics.layers[step.layer].coupling).for_each(|(k, c)| *k += weight * c);
             }
         }
-        weighed
+        let levels = || sight.points.iter().flat_map(Point::levels).map(|(level, _)| level);
+        let (first, last) = levels().fold((usize::MAX, 0), |(a, b), level| (a.min(level), b.max(level)));
+        let count = if n == 0 { 0 } else { last - first + 1 };
+        let mut centres = vec![0.0; count];
+        let orders = sight.legendre.first().map_or(0, |rows| orders_in(rows.len(), streams));
+        let mut kernel: Vec<Vec<f64>> = (0..orders).map(|m| vec![0.0; count * (streams - m)]).collect();
+        for (i, (coefficients, point)) in coefficients.chunks(streams).zip(&sight.points).enumerate() {
+            for (level, share) in point.levels() {
+                centres[level - first] = point.centre;
+                let mut legendre = sight.legendre(i);
+                for (m, kernel) in kernel.iter_mut().enumerate() {
+                    let (own, rest) = legendre.split_at(streams - m);
+                    let row = &mut kernel[(level - first) * (streams - m)..][..streams - m];
+                    let terms = coefficients[m..].iter().zip(own);
+                    row.iter_mut().zip(terms).for_each(|(sum, (k, p))| *sum += share * k * p);
+                    legendre = rest;
+                }
+            }
+        }
+        Self { passed, first, centres, kernel }
     }
 
-    /// What each point gives in each order of a field, by point and order.
-    pub fn project(&self, sight: &Sight, field: &Field, out: &mut Vec<f64>) {
-        let (streams, orders) = (sight.streams, field.orders.len());
-        out.clear();
-        for (i, point) in sight.points.iter().enumerate() {
-            let coefficients = &self.coefficients[i * streams..][..streams];
-            let legendre = sight.legendre(i);
-            let mut from = 0;
-            for (m, rows) in field.orders.iter().enumerate() {
-                let width = streams - m;
-                let rays = &legendre[from..][..width];
-                let row = |level: usize| &rows[level.saturating_sub(2 * field.first) * width..][..width];
-                let mut sum = 0.0;
-                for (level, share) in point.levels() {
-                    sum += share * triple(&coefficients[m..], row(level), rays);
-                }
-                out.push(sum);
-                from += width;
+    /// What a ray draws from a field; by level too where wanted.
+    pub fn project(&self, field: &Field, by_level: bool, out: &mut Projected) {
+        out.total.clear();
+        out.levels.clear();
+        let above = (2 * field.first).saturating_sub(self.first).min(self.centres.len()); // levels that were dropped
+        let from = (self.first + above).saturating_sub(2 * field.first);
+        let count = self.centres.len() - above;
+        for (rows, kernel) in field.orders.iter().zip(&self.kernel) {
+            let width = kernel.len() / self.centres.len().max(1);
+            out.total.push(dot(&kernel[above * width..], &rows[from * width..][..count * width]));
+        }
+        let (mut light, mut moment) = (0.0, 0.0);
+        if let (Some(rows), Some(kernel)) = (field.orders.first(), self.kernel.first()) {
+            let width = kernel.len() / self.centres.len().max(1);
+            for (k, centre) in self.centres.iter().enumerate().skip(above) {
+                let own = dot(&kernel[k * width..][..width], &rows[(from + k - above) * width..][..width]).abs();
+                light += own;
+                moment += own * centre;
             }
-            debug_assert_eq!(out.len(), (i + 1) * orders);
+        }
+        out.centre = if light > 0.0 { moment / light } else { 0.0 };
+        out.first = self.first + above;
+        if by_level {
+            for k in 0..count {
+                for (rows, kernel) in field.orders.iter().zip(&self.kernel) {
+                    let width = kernel.len() / self.centres.len();
+                    out.levels.push(dot(&kernel[(above + k) * width..][..width], &rows[(from + k) * width..][..width]));
+                }
+            }
         }
     }
 }
 
-/// Σ a b c, in four sums side by side.
-fn triple(a: &[f64], b: &[f64], c: &[f64]) -> f64 {
+/// Orders of which a row of Legendre functions holds all degrees.
+fn orders_in(length: usize, streams: usize) -> usize {
+    (0..=streams).find(|m| (0..*m).map(|k| streams - k).sum::<usize>() >= length).unwrap_or(0)
+}
+
+/// What a ray draws from one field.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Projected {
+    /// By order.
+    total: Vec<f64>,
+    /// By level, from `first` on, and order, where it was wanted.
+    levels: Vec<f64>,
+    first: usize,
+    /// Mean angle at the Earth's centre of where the light comes from \[rad\].
+    centre: f64,
+}
+
+impl Projected {
+    /// All light, of every order.
+    pub fn light(&self) -> f64 {
+        self.total.iter().sum()
+    }
+}
+
+/// A ray flatter than this sees the sun change along its way \[cosine\]; for others the sun of the mean place serves.
+const FLAT: f64 = 0.2;
+
+/// Σ a b, in four sums side by side.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut sums = [0.0; 4];
-    let (mut a4, mut b4, mut c4) = (a.chunks_exact(4), b.chunks_exact(4), c.chunks_exact(4));
-    for ((a, b), c) in a4.by_ref().zip(b4.by_ref()).zip(c4.by_ref()) {
+    let (mut a4, mut b4) = (a.chunks_exact(4), b.chunks_exact(4));
+    for (a, b) in a4.by_ref().zip(b4.by_ref()) {
         for k in 0..4 {
-            sums[k] += a[k] * b[k] * c[k];
+            sums[k] += a[k] * b[k];
         }
     }
-    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).zip(c4.remainder()).map(|((a, b), c)| a * b * c).sum();
+    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(a, b)| a * b).sum();
     (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }
 
@@ -705,19 +807,22 @@ impl Gathered {
     /// L at a scattering angle Θ and an azimuth Δφ \[rad\] between the directions in which beam and light travel.
     pub fn radiance(&self, optics: &Optics, cos_scattering: f64, azimuth: f64) -> f64 {
         let once: f64 = self.once.iter().zip(&optics.phases).map(|(k, phase)| k * phase.value(cos_scattering)).sum();
-        let orders = self.orders.iter().enumerate().map(|(m, l)| l * (m as f64 * azimuth).cos());
+        // cos (m+1)φ = 2 cos φ cos mφ − cos (m−1)φ
+        let cos = azimuth.cos();
+        let (mut before, mut now, mut orders) = (cos, 1.0, 0.0);
+        for l in &self.orders {
+            orders += l * now;
+            (before, now) = (now, 2.0 * cos * now - before);
+        }
         let twice = optics.twice.as_ref().map_or(0.0, |tail| self.twice * tail.value(cos_scattering));
-        (once + orders.sum::<f64>() + twice).max(0.0)
+        (once + orders + twice).max(0.0)
     }
 
-    /// By a polynomial in cos Δφ through what was gathered at some azimuths.
-    pub fn between(gathered: &[Gathered], azimuths: &[f64], azimuth: f64) -> Self {
-        let x = azimuth.cos();
+    /// A sum of shares of what was gathered at some azimuths.
+    pub fn mixed(gathered: &[Gathered], shares: &[f64]) -> Self {
         let mut sum =
             Self { once: vec![0.0; gathered[0].once.len()], orders: vec![0.0; gathered[0].orders.len()], twice: 0.0 };
-        for (i, (one, own)) in gathered.iter().zip(azimuths).enumerate() {
-            let others = azimuths.iter().enumerate().filter(|(j, _)| *j != i);
-            let share: f64 = others.map(|(_, a)| (x - a.cos()) / (own.cos() - a.cos())).product();
+        for (one, share) in gathered.iter().zip(shares) {
             sum.once.iter_mut().zip(&one.once).for_each(|(sum, k)| *sum += share * k);
             sum.orders.iter_mut().zip(&one.orders).for_each(|(sum, l)| *sum += share * l);
             sum.twice += share * one.twice;
@@ -734,10 +839,11 @@ pub(crate) fn gather(
     weighed: &Weighed,
     fan: &Fan,
     depths: &SunDepths,
-    projected: &[Vec<f64>],
+    projected: &[Projected],
 ) -> Vec<Gathered> {
     let n = sight.points.len();
-    let orders = projected.iter().map(|p| p.len() / n.max(1)).max().unwrap_or(0);
+    let orders = projected.iter().map(|p| p.total.len()).max().unwrap_or(0);
+    let flat = fan.spread && sight.is_flat();
     let mut light = vec![(0.0, 0.0); n];
     let tails: Vec<f64> = match optics.twice {
         Some(_) => sight.points.iter().map(|point| depths.tail_at(point)).collect(),
@@ -746,8 +852,7 @@ pub(crate) fn gather(
     (0..fan.azimuths)
         .map(|azimuth| {
             let suns = &fan.suns[azimuth * n..][..n];
-            let mut gathered =
-                Gathered { once: vec![0.0; optics.phases.len()], orders: vec![0.0; orders], twice: 0.0 };
+            let mut gathered = Gathered { once: vec![0.0; optics.phases.len()], orders: vec![0.0; orders], twice: 0.0 };
             // Depth by way of each point, sun and ray together, and what comes through.
             for ((light, point), (sun, passed)) in
                 light.iter_mut().zip(&sight.points).zip(suns.iter().zip(&weighed.passed))
@@ -779,12 +884,23 @@ pub(crate) fn gather(
                 let scattering = optics.scattering(step.layer);
                 gathered.once.iter_mut().zip(scattering).for_each(|(k, beta)| *k += beta * whole);
             }
-            for (i, sun) in suns.iter().enumerate() {
-                for (k, share) in sun.cubic.iter().enumerate().filter(|(_, share)| **share != 0.0) {
-                    let field = &projected[sun.field + k];
-                    let own = field.len() / n;
-                    gathered.orders.iter_mut().zip(&field[i * own..][..own]).for_each(|(o, v)| *o += share * v);
+            let mut add = |field: usize, k: usize, share: f64, i: Option<usize>| {
+                if share == 0.0 {
+                    return;
                 }
+                let field = &projected[field + k];
+                let own = field.total.len();
+                let level = |i: usize| (sight.points[i].levels[0].0 - field.first) * own;
+                let row = i.map_or(&field.total[..], |i| &field.levels[level(i)..][..own]);
+                gathered.orders.iter_mut().zip(row).for_each(|(o, v)| *o += share * v);
+            };
+            if flat {
+                for (i, sun) in suns.iter().enumerate() {
+                    sun.cubic.iter().enumerate().for_each(|(k, share)| add(sun.field, k, *share, Some(i)));
+                }
+            } else if let Some(sun) = suns.first() {
+                let (field, cubic) = fan.mean(azimuth, projected.get(sun.field).map_or(0.0, |p| p.centre));
+                cubic.iter().enumerate().for_each(|(k, share)| add(field, k, *share, None));
             }
             gathered
         })
@@ -792,10 +908,10 @@ pub(crate) fn gather(
 }
 
 /// Light of a ground of radiance 1, gathered along a ray; it has no azimuth.
-pub(crate) fn gather_ground(sight: &Sight, weighed: &Weighed, ground: &Field) -> f64 {
-    let mut projected = Vec::new();
-    weighed.project(sight, ground, &mut projected);
-    projected.iter().sum::<f64>().max(0.0)
+pub(crate) fn gather_ground(weighed: &Weighed, ground: &Field) -> f64 {
+    let mut projected = Projected::default();
+    weighed.project(ground, false, &mut projected);
+    projected.light().max(0.0)
 }
 
 /// (1 − e^(−x))/x.
@@ -883,7 +999,8 @@ mod tests {
                 }
                 let n = medium.phases.len();
                 medium.layers.iter_mut().for_each(|layer| layer.scattering.resize(n, 0.0));
-                let g = rows.iter().filter(|r| r[0] == sun[0] && r[3] == "hg").map(|r| number(&r[4])).fold(0.0, f64::max);
+                let g =
+                    rows.iter().filter(|r| r[0] == sun[0] && r[3] == "hg").map(|r| number(&r[4])).fold(0.0, f64::max);
                 Problem { id: sun[0].clone(), g, medium, mu0: number(&sun[1]), albedo: number(&sun[2]) }
             })
             .collect()
@@ -914,7 +1031,7 @@ mod tests {
             let s = ground.down[last] / PI;
             let direct = problem.mu0 * depths.direct();
             let shining = problem.albedo / PI * (direct + beams[0].down[last]) / (1.0 - problem.albedo * s);
-            let mut projected = [Vec::new()];
+            let mut projected = [Projected::default()];
             for row in radiances.iter().filter(|row| row[0] == problem.id) {
                 let number = |i: usize| row[i].parse::<f64>().unwrap();
                 let (up, mu, dphi, cos) = (row[3] == "up", number(4), number(5).to_radians(), number(6));
@@ -931,10 +1048,10 @@ mod tests {
                 let azimuth = if up { PI - dphi } else { dphi };
                 let fan = Fan::new(&sight, &rays, &fields, 0, &[azimuth]);
                 let weighed = Weighed::new(&optics, &sight);
-                weighed.project(&sight, &beams[0], &mut projected[0]);
+                weighed.project(&beams[0], false, &mut projected[0]);
                 let gathered = gather(&optics, &sight, &weighed, &fan, &depths, &projected).remove(0);
                 let mut found = gathered.radiance(&optics, cos, dphi);
-                found += shining * gather_ground(&sight, &weighed, &ground);
+                found += shining * gather_ground(&weighed, &ground);
                 if up {
                     found += shining * (-weighed.passed[weighed.passed.len() - 1]).exp();
                 }

@@ -36,7 +36,7 @@ const WARMED: f64 = 2000.0;
 /// Levels are added at this distance where the temperature is changed \[m\].
 const FINE: f64 = 250.0;
 /// Mean radius of the Earth in LOWTRAN 7 and AFGL's temperate atmospheres \[m\] \[Kneizys1988\].
-const EARTH: f64 = 6_371_230.0;
+pub(crate) const EARTH: f64 = 6_371_230.0;
 /// Above this altitude \[km\] vapour is not held against saturation over water.
 const MOIST: f64 = 15.0;
 /// g/R_d \[K m⁻¹\].

@@ -15,7 +15,7 @@
 //! function here), and no term of it depends on the sun.
 
 use super::matrix::{
-    Eigen, Matrix, Sizes, Vector, apply, apply_transposed, cholesky, inverse_definite, inverse_lower, product, transpose,
+    Eigen, Matrix, Sizes, Vector, apply_transposed, cholesky, inverse_definite, inverse_lower, product, transpose,
 };
 use super::quadrature::Order;
 
@@ -37,6 +37,9 @@ pub(super) struct Slab<const N: usize> {
     pub transmission: Matrix<N>,
     f: Matrix<N>,
     g: Matrix<N>,
+    /// Fᵀ and Gᵀ.
+    ft: Matrix<N>,
+    gt: Matrix<N>,
     modes: [Mode; N],
     depth: f64,
 }
@@ -109,7 +112,18 @@ where
             }
             reflection[i][i] -= 1.0;
         }
-        Self::Scattering(Box::new(Slab { even, odd, reflection, transmission, f, g, modes, depth }))
+        Self::Scattering(Box::new(Slab {
+            even,
+            odd,
+            reflection,
+            transmission,
+            ft: transpose(&f),
+            f,
+            g,
+            gt,
+            modes,
+            depth,
+        }))
     }
 }
 
@@ -144,14 +158,14 @@ impl<const N: usize> Slab<N> {
             xi[j] = source * self.depth * self.depth * response.middle;
             eta[j] = source * self.depth * response.middle_slope - top * half * beta[j];
         }
-        let (above, below) = (apply(&self.g, &top_flux), apply(&self.g, &bottom_flux));
+        let (above, below) = (apply_transposed(&self.gt, &top_flux), apply_transposed(&self.gt, &bottom_flux));
         // The light that has to enter so that none does: half of y above, minus half of it below.
         let (mut sum, mut difference) = ([0.0; N], [0.0; N]);
         for i in 0..N {
             sum[i] = 0.5 * (above[i] - below[i]);
             difference[i] = 0.5 * (above[i] + below[i]);
         }
-        let (even, odd) = (apply(&self.even, &sum), apply(&self.odd, &difference));
+        let (even, odd) = (apply_transposed(&self.even, &sum), apply_transposed(&self.odd, &difference));
         let (mut up, mut down) = ([0.0; N], [0.0; N]);
         for i in 0..N {
             up[i] = even[i] + odd[i];
@@ -168,7 +182,7 @@ impl<const N: usize> Slab<N> {
             xi[j] += 0.5 * mode.sech_half * (above[j] + below[j]);
             eta[j] += mode.csch_half * (below[j] - above[j]) / self.depth;
         }
-        (apply(&self.f, &xi), apply(&self.g, &eta))
+        (apply_transposed(&self.ft, &xi), apply_transposed(&self.gt, &eta))
     }
 }
 

@@ -29,16 +29,7 @@ pub(crate) fn transpose<const N: usize>(a: &Matrix<N>) -> Matrix<N> {
     out
 }
 
-/// A x.
-pub(crate) fn apply<const N: usize>(a: &Matrix<N>, x: &Vector<N>) -> Vector<N> {
-    let mut out = [0.0; N];
-    for (out, a) in out.iter_mut().zip(a) {
-        *out = a.iter().zip(x).map(|(a, x)| a * x).sum();
-    }
-    out
-}
-
-/// Aᵀ x.
+/// Aᵀ x, which for a symmetric A is A x: the form whose sums run side by side.
 pub(crate) fn apply_transposed<const N: usize>(a: &Matrix<N>, x: &Vector<N>) -> Vector<N> {
     let mut out = [0.0; N];
     for (a, x) in a.iter().zip(x) {
@@ -158,7 +149,9 @@ mod tests {
         let a = sample::<8>(0.7);
         let mut definite = product(&a, &transpose(&a));
         (0..8).for_each(|i| definite[i][i] += 0.1);
-        let close = |x: &Matrix<8>, y: &Matrix<8>| x.iter().flatten().zip(y.iter().flatten()).all(|(x, y)| (x - y).abs() < 1e-9);
+        let close = |x: &Matrix<8>, y: &Matrix<8>| {
+            x.iter().flatten().zip(y.iter().flatten()).all(|(x, y)| (x - y).abs() < 1e-9)
+        };
         let mut one = [[0.0; 8]; 8];
         (0..8).for_each(|i| one[i][i] = 1.0);
         assert!(close(&product(&inverse_definite(&definite), &definite), &one));

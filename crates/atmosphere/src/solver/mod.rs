@@ -25,9 +25,9 @@ mod quadrature;
 
 use std::f64::consts::PI;
 
-pub(crate) use legendre::normalised;
 use layer::{Lit, Operator};
-use matrix::{Eigen, Matrix, Sizes, Vector, apply, inverse, product};
+pub(crate) use legendre::normalised;
+use matrix::{Eigen, Matrix, Sizes, Vector, apply_transposed, inverse, product, transpose};
 use quadrature::{Order, Quadrature};
 
 /// A layer as the solver takes it, delta-scaled.
@@ -157,7 +157,7 @@ struct Joined<const N: usize> {
     layer: usize,
     /// R below it.
     below: Matrix<N>,
-    /// (1 − r R)⁻¹ and Z; nothing where the layer is clear.
+    /// (1 − r R)⁻¹, transposed, and Z; nothing where the layer is clear.
     inner: Option<(Matrix<N>, Matrix<N>)>,
 }
 
@@ -207,7 +207,7 @@ fn one_order<const N: usize>(
                     for (row, r) in above.iter_mut().zip(&slab.reflection) {
                         row.iter_mut().zip(r).for_each(|(x, r)| *x += r);
                     }
-                    joined.push(Joined { layer: i, below, inner: Some((m, z)) });
+                    joined.push(Joined { layer: i, below, inner: Some((transpose(&m), z)) });
                     below = above;
                 }
             }
@@ -285,13 +285,13 @@ where
             let mut g = [0.0; N];
             match (&self.operators[part.layer], &part.inner) {
                 (Operator::Scattering(slab), Some((_, z))) => {
-                    g = apply(&slab.reflection, &below);
+                    g = apply_transposed(&slab.reflection, &below);
                     if let Some(lit) = &own {
                         g.iter_mut().zip(lit.down).for_each(|(g, s)| *g += s);
                     }
-                    let mut inside = apply(z, &g);
+                    let mut inside = apply_transposed(z, &g);
                     inside.iter_mut().zip(below).for_each(|(x, s)| *x += s);
-                    emission = apply(&slab.transmission, &inside);
+                    emission = apply_transposed(&slab.transmission, &inside);
                     if let Some(lit) = &own {
                         emission.iter_mut().zip(lit.up).for_each(|(e, s)| *e += s);
                     }
@@ -310,17 +310,17 @@ where
         let mut moments = Vec::with_capacity((2 * n + 1) * streams);
         let mut down = [0.0; N];
         let mut up = emission;
-        up.iter_mut().zip(apply(&self.top, &down)).for_each(|(u, r)| *u += r);
+        up.iter_mut().zip(apply_transposed(&self.top, &down)).for_each(|(u, r)| *u += r);
         let (mut x, mut y) = both(&up, &down);
         self.record(&x, &y, &mut moments, field);
         for (i, part) in self.joined.iter().enumerate() {
             let above = x;
             match (&self.operators[part.layer], &part.inner) {
                 (Operator::Scattering(slab), Some((m, _))) => {
-                    let mut enters = apply(&slab.transmission, &down);
+                    let mut enters = apply_transposed(&slab.transmission, &down);
                     enters.iter_mut().zip(climbing[i].1).for_each(|(e, g)| *e += g);
-                    down = apply(m, &enters);
-                    up = apply(&part.below, &down);
+                    down = apply_transposed(m, &enters);
+                    up = apply_transposed(&part.below, &down);
                     up.iter_mut().zip(climbing[i].0).for_each(|(u, s)| *u += s);
                     (x, y) = both(&up, &down);
                     let (x_mid, y_mid) = slab.middle(&above, &x, lit[i].as_ref());
@@ -328,12 +328,10 @@ where
                 }
                 (Operator::Clear(t), _) => {
                     let half: Vector<N> = t.map(f64::sqrt);
-                    let mut below = apply(&part.below, &std::array::from_fn(|k| down[k] * t[k]));
+                    let mut below = apply_transposed(&part.below, &std::array::from_fn(|k| down[k] * t[k]));
                     below.iter_mut().zip(climbing[i].0).for_each(|(u, s)| *u += s);
-                    let (x_mid, y_mid) = both(
-                        &std::array::from_fn(|k| below[k] * half[k]),
-                        &std::array::from_fn(|k| down[k] * half[k]),
-                    );
+                    let (x_mid, y_mid) =
+                        both(&std::array::from_fn(|k| below[k] * half[k]), &std::array::from_fn(|k| down[k] * half[k]));
                     self.record(&x_mid, &y_mid, &mut moments, field);
                     down.iter_mut().zip(t).for_each(|(d, t)| *d *= t);
                     up = below;
@@ -368,8 +366,7 @@ where
     /// Appends c_l = ½ u_l · (x or y), and at m = 0 the fluxes 2π Σ w μ I.
     fn record(&self, x: &Vector<N>, y: &Vector<N>, moments: &mut Vec<f64>, field: &mut Field) {
         for (l, u) in self.order.scaled.iter().enumerate() {
-            let of = if l % 2 == 0 { x } else { y };
-            moments.push(0.5 * u.iter().zip(of).map(|(u, v)| u * v).sum::<f64>());
+            moments.push(0.5 * dot(u, if l % 2 == 0 { x } else { y }));
         }
         if self.order.m == 0 {
             let (mut up, mut down) = (0.0, 0.0);
@@ -384,6 +381,16 @@ where
     }
 }
 
+/// Σ a b, in sums side by side.
+fn dot<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> f64 {
+    let mut sums = [0.0; 2];
+    for (a, b) in a.chunks_exact(2).zip(b.chunks_exact(2)) {
+        sums[0] += a[0] * b[0];
+        sums[1] += a[1] * b[1];
+    }
+    sums[0] + sums[1]
+}
+
 fn both<const N: usize>(up: &Vector<N>, down: &Vector<N>) -> (Vector<N>, Vector<N>) {
     (std::array::from_fn(|i| up[i] + down[i]), std::array::from_fn(|i| up[i] - down[i]))
 }
@@ -395,7 +402,9 @@ mod tests {
     fn layer(omega: f64, g: f64, depth: f64, parts: usize, streams: usize) -> Scaled {
         let f = g.powi(streams as i32);
         let coupling = (0..streams)
-            .map(|l| omega * (1.0 - f) / (1.0 - omega * f) * (2.0 * l as f64 + 1.0) * (g.powi(l as i32) - f) / (1.0 - f))
+            .map(|l| {
+                omega * (1.0 - f) / (1.0 - omega * f) * (2.0 * l as f64 + 1.0) * (g.powi(l as i32) - f) / (1.0 - f)
+            })
             .collect();
         Scaled { depth: (1.0 - omega * f) * depth / parts as f64, parts, coupling }
     }
@@ -416,7 +425,11 @@ mod tests {
     #[test]
     fn energy_is_conserved_where_nothing_absorbs() {
         for streams in STREAMS {
-            let layers = [layer(1.0, 0.0, 0.1, 1, streams), layer(1.0, 0.75, 2.0, 3, streams), layer(1.0, -0.3, 30.0, 1, streams)];
+            let layers = [
+                layer(1.0, 0.0, 0.1, 1, streams),
+                layer(1.0, 0.75, 2.0, 3, streams),
+                layer(1.0, -0.3, 30.0, 1, streams),
+            ];
             for mu in [1.0, 0.5, 0.05] {
                 let solution = solve(streams, &layers, &[beam(mu, &layers)], true, 1e-6);
                 let field = &solution.beams[0];

@@ -1,0 +1,292 @@
+//! The solved column against independent codes, where the comparison needs what lies behind the trait.
+
+use std::f64::consts::{FRAC_PI_2, PI};
+use std::fmt::Write as _;
+use std::sync::Arc;
+
+use sunglint_radiometry::{SpectralGrid, WorldDir};
+
+use crate::column_sky::{self, ColumnAir, Settings};
+use crate::medium::{Layer, Medium, Strata};
+use crate::phase::Phase;
+use crate::radiance::{Lattice, Look, Optics, Sight, SunRays, gather_ground, solve_entry};
+use crate::ray::Shells;
+use crate::strata::Site;
+use crate::{Cloud, Column, Needs, Path, SkyState, Sun};
+
+/// Data rows of a CSV with comments and a header.
+fn records(text: &str) -> Vec<Vec<String>> {
+    let mut reader = csv::ReaderBuilder::new().comment(Some(b'#')).from_reader(text.as_bytes());
+    reader.records().map(|row| row.unwrap().iter().map(str::to_string).collect()).collect()
+}
+
+fn number(cell: &str) -> f64 {
+    cell.parse().unwrap()
+}
+
+/// The worst of what was compared in a class, and where.
+#[derive(Default)]
+struct Worst(std::collections::BTreeMap<String, (f64, f64, usize, String)>);
+
+impl Worst {
+    fn add(&mut self, class: String, error: f64, place: impl FnOnce() -> String) {
+        let entry = self.0.entry(class).or_default();
+        (entry.1, entry.2) = (entry.1 + error * error, entry.2 + 1);
+        if error.abs() > entry.0.abs() {
+            (entry.0, entry.3) = (error, place());
+        }
+    }
+
+    fn print(&self, title: &str) {
+        eprintln!("{title}: class, worst, root mean square, cases, where the worst is");
+        for (class, (worst, squares, n, place)) in &self.0 {
+            eprintln!("  {class}: {:+.3} %, {:.3} %, {n}, {place}", 100.0 * worst, 100.0 * (squares / *n as f64).sqrt());
+        }
+    }
+}
+
+/// Radiance of light scattered once against SASKTRAN2 in the same shells, from the ground and from space. The haze's
+/// moments beyond the 64th are nothing, so that delta-M changes no depth; air needs no more than the 16 streams that are
+/// the default.
+#[test]
+fn light_scattered_once_in_shells_is_that_of_sasktran2() {
+    let columns = records(include_str!("../tests/data/spherical_columns.csv"));
+    let rows = records(include_str!("../tests/data/spherical_single_scattering.csv"));
+    let mut worst = Worst::default();
+    for (name, streams) in [("rayleigh_0.1", 16), ("rayleigh_0.36", 16), ("hazy", 64)] {
+        let shells: Vec<&Vec<String>> = columns.iter().filter(|row| row[0] == name).rev().collect();
+        let mut heights: Vec<f64> = shells.iter().map(|row| number(&row[2])).collect();
+        heights.push(0.0);
+        let strata = Strata { refractivity: vec![0.0; heights.len()], heights, radius: 6_371_000.0 };
+        let layers = shells.iter().map(|row| (number(&row[3]), number(&row[4])));
+        let layers = layers.map(|(air, haze)| match name {
+            "hazy" => Layer { absorption: 0.05 * haze, scattering: vec![air, 0.95 * haze] },
+            _ => Layer { absorption: 0.0, scattering: vec![air] },
+        });
+        let mut phases = vec![Arc::new(Phase::rayleigh(0.0))];
+        if name == "hazy" {
+            phases.push(Arc::new(Phase::henyey_greenstein(0.7)));
+        }
+        let medium = Medium { layers: layers.collect(), phases };
+        let shells = Shells::new(&strata, true);
+        let optics = Optics::new(&medium, &shells, streams);
+        let lattice = Lattice::new(&shells, &optics);
+        for sun_deg in ["30.0", "60.0", "75.0", "85.0", "88.0"] {
+            let sun = number(sun_deg).to_radians();
+            let rays = Arc::new(SunRays::new(&shells, &lattice, sun, true));
+            let (lit, _) = solve_entry(&optics, &[rays], true, 1e-3);
+            for row in rows.iter().filter(|row| row[0] == name && row[1] == sun_deg) {
+                let (view, dphi, due) = (number(&row[3]).to_radians(), number(&row[4]).to_radians(), number(&row[5]));
+                let up = row[2] == "up";
+                let (look, azimuth) = if up { (Look::Down, PI - dphi) } else { (Look::Up, dphi) };
+                let sight = Sight::new(&shells, &lattice, (0.0, view), (shells.top(), f64::INFINITY), streams, 0);
+                let once = lit[0].gather(&optics, &sight, look, sun, azimuth).once;
+                let level = if up { -view.cos() * sun.cos() } else { view.cos() * sun.cos() };
+                let cos = level + view.sin() * sun.sin() * dphi.cos();
+                let found: f64 = once.iter().zip(&medium.phases).map(|(k, phase)| k * phase.value(cos)).sum();
+                let place = || format!("{row:?}: {found:.6e}");
+                worst.add(format!("view {:>4} {:>4}", row[3], row[2]), found / due - 1.0, place);
+                worst.add(format!("sun {:>4} {:>4}, view to 85", sun_deg, row[2]), match number(&row[3]) <= 85.0 {
+                    true => found / due - 1.0,
+                    false => 0.0,
+                }, place);
+            }
+        }
+    }
+    worst.print("single scattering in shells against SASKTRAN2");
+    for (class, (error, _, _, place)) in &worst.0 {
+        let most = if class.contains("view 8") && !class.contains("85") && !class.contains("80") { 0.03 } else { 0.01 };
+        assert!(error.abs() < most, "{class}: {error:+.4} at {place}");
+    }
+}
+
+const PLANE: Settings = Settings { streams: 16, spherical: false, accuracy: 1e-3, every_entry: true };
+const ROUND: Settings = Settings { spherical: true, ..PLANE };
+const ALL: Needs =
+    Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true, path_heights: None };
+
+fn column(profile: &str, visibility_km: f64, cloud: bool) -> Column {
+    let cloud = cloud.then_some(Cloud { optical_depth: 10.0, base: 1000.0, top: 2000.0 });
+    Column {
+        profile: profile.to_string(),
+        sounding: None,
+        clouds: cloud.into_iter().collect(),
+        elevation: 0.0,
+        pressure: None,
+        temperature: None,
+        humidity: None,
+        water: None,
+        ozone: None,
+        no2: None,
+        visibility: Some(1e3 * visibility_km),
+        aod: None,
+        aerosol: None,
+        ground_albedo: Vec::new(),
+    }
+}
+
+/// The medium in 5 nm around a wavelength \[µm\], at the middle one of the absorption terms.
+fn medium(site: &Site, wavelength: f64) -> Medium {
+    let bin = sunglint_radiometry::Bin { lower: wavelength - 2.5e-3, upper: wavelength + 2.5e-3, band: None };
+    let grid = SpectralGrid::with_g(vec![bin], Vec::new(), crate::gas::g_weights);
+    let mut media = site.media(&grid).unwrap();
+    let absorption = |medium: &Medium| medium.layers.iter().map(|layer| layer.absorption).sum::<f64>();
+    media.sort_by(|a, b| absorption(a).total_cmp(&absorption(b)));
+    media.swap_remove(media.len() / 2)
+}
+
+/// One column over a ground of an albedo under suns of E_s = 1.
+fn solved(strata: &Strata, medium: &Medium, albedo: f64, suns: &[f64], settings: &Settings) -> Vec<Box<dyn SkyState>> {
+    let air = ColumnAir {
+        strata: strata.clone(),
+        media: vec![medium.clone()],
+        wavelengths: vec![0.55],
+        solar: vec![1.0],
+        albedo: vec![albedo],
+        notes: Vec::new(),
+    };
+    let suns: Vec<Sun> = suns.iter().map(|zenith| Sun::at(*zenith, 0.0)).collect();
+    column_sky::solve(air, &suns, &ALL, settings)
+}
+
+/// What the sky is between the directions at which it is known, against light gathered along the very direction.
+#[test]
+fn the_sky_between_its_nodes_is_what_is_gathered_there() {
+    let mut worst = Worst::default();
+    let mut state = 1u64;
+    let mut random = || {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (state >> 11) as f64 / (1u64 << 53) as f64
+    };
+    for (profile, visibility) in [("midlatitude_summer", 23.0), ("us_standard", 5.0)] {
+        let site = Site::new(&column(profile, visibility, false)).unwrap();
+        let strata = site.strata();
+        let shells = Shells::new(&strata, true);
+        for wavelength in [0.42, 0.55, 0.87] {
+            let medium = medium(&site, wavelength);
+            let optics = Optics::new(&medium, &shells, ROUND.streams);
+            let lattice = Lattice::new(&shells, &optics);
+            for sun_deg in [20.0f64, 60.0, 80.0, 88.0] {
+                let sun = sun_deg.to_radians();
+                let sky = solved(&strata, &medium, 0.2, &[sun], &ROUND).remove(0);
+                let rays = Arc::new(SunRays::new(&shells, &lattice, sun, true));
+                let (lit, ground) = solve_entry(&optics, &[rays], false, ROUND.accuracy);
+                let beam = sun.cos() * sky.sun_transmittance()[0];
+                let shining = 0.2 * (beam + sky.diffuse_irradiance()[0]) / PI;
+                for i in 0..300 {
+                    // By thirds: over the sky, near the sun, near the horizon.
+                    let (zenith, azimuth) = match i % 3 {
+                        0 => (random().acos(), PI * random()),
+                        1 => {
+                            let (away, turn) = ((1.0 + 24.0 * random()).to_radians(), 2.0 * PI * random());
+                            let zenith = sun + away * turn.cos();
+                            (zenith, away * turn.sin() / sun.sin())
+                        }
+                        _ => ((75.0 + 15.0 * random()).to_radians(), PI * random()),
+                    };
+                    if !(0.0..FRAC_PI_2).contains(&zenith) {
+                        continue;
+                    }
+                    let direction = WorldDir::from_zenith_azimuth(zenith, azimuth);
+                    let away = direction.angle_to(WorldDir::from_zenith_azimuth(sun, 0.0)).to_degrees();
+                    if away < 1.0 {
+                        continue;
+                    }
+                    let end = (shells.top(), f64::INFINITY);
+                    let sight = Sight::new(&shells, &lattice, (0.0, zenith), end, ROUND.streams, ROUND.streams);
+                    let cos = away.to_radians().cos();
+                    let gathered = lit[0].gather(&optics, &sight, Look::Up, sun, azimuth);
+                    let due = gathered.radiance(&optics, cos, azimuth)
+                        + shining * gather_ground(&optics, &ground, &sight, Look::Up);
+                    let mut found = [0.0];
+                    sky.sky_radiance(direction, &mut found);
+                    let degrees = zenith.to_degrees();
+                    let class = match (away, degrees) {
+                        (a, _) if a < 2.0 => "1-2 from the sun",
+                        (a, _) if a < 5.0 => "2-5 from the sun",
+                        (a, _) if a < 10.0 => "5-10 from the sun",
+                        (a, _) if a < 20.0 => "10-20 from the sun",
+                        (_, z) if z < 70.0 => "zenith to 70",
+                        (_, z) if z < 85.0 => "zenith 70-85",
+                        (_, z) if z < 89.0 => "zenith 85-89",
+                        _ => "zenith 89-90",
+                    };
+                    let turn = azimuth.to_degrees();
+                    worst.add(format!("sun {sun_deg}, {class}"), found[0] / due - 1.0, || {
+                        format!("{wavelength} µm, {visibility} km, zenith {degrees:.2}, azimuth {turn:.2}, {away:.2} away")
+                    });
+                }
+            }
+        }
+    }
+    worst.print("sky between nodes");
+}
+
+/// Scattering angles \[deg\] at which phase functions are handed over, those of LOWTRAN's tables among them.
+fn angles() -> Vec<f64> {
+    let steps = |from: f64, to: f64, step: f64| {
+        (0..((to - from) / step).round() as usize).map(move |i| from + step * i as f64).collect::<Vec<_>>()
+    };
+    let mut angles = vec![0.0, 0.25, 0.5, 0.75, 1.0, 1.5];
+    angles.extend(steps(2.0, 12.0, 1.0));
+    angles.extend(steps(12.0, 40.0, 2.0));
+    angles.extend(steps(40.0, 120.0, 5.0));
+    angles.extend(steps(120.0, 180.0, 2.5));
+    angles.push(180.0);
+    angles
+}
+
+/// Columns of this crate: name, profile, visibility \[km\], cloud, wavelength \[µm\].
+fn cases() -> Vec<(String, Site, f64)> {
+    let mut cases = Vec::new();
+    let clear = [0.42, 0.55, 0.69, 0.7625, 0.87, 0.94];
+    for (profile, visibility, cloud, wavelengths) in [
+        ("midlatitude_summer", 23.0, false, &clear[..]),
+        ("us_standard", 5.0, false, &clear[..]),
+        ("midlatitude_summer", 23.0, true, &[0.55, 0.87, 0.94][..]),
+    ] {
+        let site = Site::new(&column(profile, visibility, cloud)).unwrap();
+        for wavelength in wavelengths {
+            let id = format!("{profile}_{visibility}km{}_{wavelength}", if cloud { "_cloud" } else { "" });
+            cases.push((id, site.clone(), *wavelength));
+        }
+    }
+    cases
+}
+
+/// Writes what `benches/peers/columns` solves with CDISORT:
+///
+/// ```sh
+/// cargo test -p sunglint-atmosphere --lib columns_are_handed_over -- --ignored
+/// ```
+#[test]
+#[ignore = "writes test data"]
+fn columns_are_handed_over() {
+    let list = |values: &mut dyn Iterator<Item = f64>, digits: usize| {
+        values.map(|value| format!("{value:.digits$e}")).collect::<Vec<_>>().join(";")
+    };
+    let mut layers = String::from(
+        "# Columns of this crate, layers from the top down: optical depths of absorption, and of scattering by phase\n\
+         # function. Written by the test columns_are_handed_over in src/validation.rs.\n\
+         id,top_m,bottom_m,absorption,scattering\n",
+    );
+    let mut phases = format!(
+        "# The phase functions of columns_layers.csv: P at these scattering angles [deg], ln P straight between them.\n\
+         # {}\nid,phase\n",
+        angles().iter().map(f64::to_string).collect::<Vec<_>>().join(";")
+    );
+    for (id, site, wavelength) in cases() {
+        let medium = medium(&site, wavelength);
+        for (layer, heights) in medium.layers.iter().zip(site.strata().heights.windows(2)) {
+            let scattering = list(&mut layer.scattering.iter().copied(), 6);
+            writeln!(layers, "{id},{},{},{:.6e},{scattering}", heights[0], heights[1], layer.absorption).unwrap();
+        }
+        for phase in &medium.phases {
+            let values = list(&mut angles().iter().map(|angle| phase.value(angle.to_radians().cos())), 5);
+            writeln!(phases, "{id},{values}").unwrap();
+        }
+    }
+    let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
+    std::fs::write(folder.join("columns_layers.csv"), layers).unwrap();
+    std::fs::write(folder.join("columns_phases.csv"), phases).unwrap();
+}
