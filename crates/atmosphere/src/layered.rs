@@ -13,7 +13,93 @@ use crate::strata::Site;
 use crate::{Atmosphere, AtmosphereError, Column, Needs, SkyState, Sun, coverage, gas};
 
 const MANUAL: &str = "\
-The air in layers, on a round Earth.
+A column of air in layers on a round Earth, its multiple scattering solved; 0.385 to 1.04 µm.
+
+Light
+  E_s   TSIS-1 HSRS, means of 1 nm [Coddington2023], over d² of the date
+  τ₁ = Σ_g w_g exp(−∫ β ds)                        β extinction; along the refracted ray to the sun
+  τ₂ = Σ_g w_g exp(−∫ β ds)                        from target to sensor
+  L  = ∫ [J₁ + J] e^(−τ) dτ                        L_d from the ground up, L_u from sensor to target [Chandrasekhar1960]
+  J₁ = Σ_c β_c P_c(Θ) E T_sun/(4π β)               light scattered once: every scatterer with its own phase function
+  J  = (ω/4π) ∫ P L dω                             light scattered before, from the solution below
+  L  = L₀ + L_g G,  E_d = E_d0 + L_g π S           over a Lambertian ground that shines with
+  L_g = A (E_s τ₁ cos θ + E_d0)/(π (1 − A S))      A its albedo, S the sky's; the mean over the scene's ground
+
+Multiple scattering, order by order of azimuth, plane-parallel
+  Discrete ordinates on a double-Gauss quadrature [Stamnes1981]; reflection and transmission of a layer by the symmetric
+  form of its eigenvalue problem [Nakajima1986], in which ω = 1 is no exception; layers joined by adding [Grant1969,
+  Plass1973], so that one set of operators serves all suns of a day. Forward peaks are scaled by delta-M [Wiscombe1977],
+  light scattered once is put right (TMS), and light scattered twice in the peak (IMS) at all angles [Nakajima1988].
+  E_d counts what delta-M leaves in the beam.
+
+Round Earth
+  x = n r, x sin θ = p along a ray [Born1999]; x is a straight line in a shell, so lengths and angles are closed forms.
+  Refraction by the column's own air, at 0.55 µm for all wavelengths. Along a line of sight the angles of view and sun
+  change. The plane-parallel solution is driven by beams of spherical lengths [Dahlback1991], for a row of the sun's
+  zenith angles, and read at the sun of each point [Spurr2002]. Beams and single scattering are those of spherical
+  shells; light scattered more often is taken as if the shells were level where it is.
+  Twilight: with the sun below the horizon τ₁ = 0 while the high air is still lit, down to a true zenith angle of 98°.
+
+The air
+  33 layers, closer near the ground, to 100 km; the edges of clouds are edges of layers. Every amount is integrated with
+  exponentials between the levels of the profile, so that layers sum to columns.
+  molecules  cross-section and depolarisation [Bodhaine1999]
+  H₂O, O₂    LOWTRAN 7's band models as sums of exponentials, Σ_g w_g e^(−k_g W), within 0.002 of the band model's
+             transmittance from nothing to 40 tropical columns [Pierluissi1986, Kneizys1988]: lines overlap at random;
+             each term g is solved as a monochromatic wavelength is; the continuum of water
+  O₃, NO₂, O₂–O₂     the Chappuis band [Kneizys1988], [Sander2006], [Greenblatt1990]
+  aerosol    Shettle & Fenn's as in LOWTRAN 7, or `angstrom` (`sunglint models rural`, `sunglint models angstrom`)
+  cloud      water drops of 10 µm effective radius, Mie's theory; level, homogeneous and without end
+
+Weather: every field has its effect
+  profile       pressure, temperature, water and ozone against height [Anderson1986]
+  radiosonde    its levels take the profile's place up to its top; the profile's ozone holds
+  observations  each field of the record, as if said here at that time
+  visibility    aerosol extinction at the ground, β(0.55 µm) = 3.912/V − β_Rayleigh, and by LOWTRAN 7's vertical profile
+                its column (23 km if nothing is said)
+  aod           instead, the optical depth of that column at 0.55 µm
+  aerosol       what scatters below 2 km above the site: extinction against wavelength, ω and P at the air's humidity
+  pressure      all of the air, and with it Rayleigh scattering and O₂: p p_s/p(0)
+  temperature   T at the ground, fading out to 2 km: absorption by gases, refraction, and what `humidity` means
+  humidity      at the ground: the profile's water scaled, at most to saturation; the aerosol swells with it
+  water, ozone, no2     the column, the profile scaled
+  cloud         optical depth at 0.55 µm between two heights above the site
+
+Parameters
+  streams    directions of the quadrature: 4, 8, 16, 32 or 64 (a number between is raised to the next); auto is 16
+  geometry   spherical, or plane: no curvature, no refraction, no twilight
+  accuracy   azimuthal orders are added until two in a row change the source by less than this share
+  spectrum   adapted: fluxes and transmittances at every wavelength and term g, radiances for a ladder of columns over
+             wavelength and absorption; between its rungs the shares L/E_d of the sky and L_u over the path's scattering
+             optical depth are interpolated. full: radiances everywhere, for checks
+
+Sky: L_d is known at 17 zenith angles by 13 azimuths from the sun's and interpolated as a ratio to a shape that has the
+aureole and the brightening horizon in it.
+
+Validity
+  Scalar: polarisation is left out. Where molecules scatter most, in blue without haze, radiances err by up to 10 %, too
+  bright (8 % at 0.4 µm) at 90° from the sun and too dark (5 %) back towards it; irradiance errs far less, haze and a
+  bright ground take from both [Mishchenko1994, Lacis1998, Emde2018].
+  No Raman scattering (it fills Fraunhofer lines), no fluorescence, no airglow, moon or stars.
+  Gases by band models of 20 cm⁻¹: a band narrower than that sees no lines.
+  Air, ground albedo and clouds are the same everywhere: no adjacency of single fields, no shadows of clouds.
+  Scene coordinates are flat: a path of length s within the scene misses the Earth's curvature by s²/2R, 8 m at 10 km.
+  Directions below the horizon have no sky. P of aerosols is coarse within 2° of the sun.
+  Sun lower than 5°: light scattered more than once is approximate, and most of it in twilight.
+
+Accuracy, measured (docs/VALIDATION.md)
+  against                                            quantity                    deviation
+  CDISORT, plane-parallel                            irradiance                  see docs/VALIDATION.md
+  CDISORT, plane-parallel                            radiance, 16 streams        see docs/VALIDATION.md
+  SASKTRAN2, spherical shells, single scattering     radiance                    see docs/VALIDATION.md
+  LOWTRAN 7                                          transmittance of gases      see docs/VALIDATION.md
+  LOWTRAN 7, libRadtran, 6S                          E_d, L_d, L_u, clear sky    see docs/VALIDATION.md
+
+In a scene
+  atmosphere layered
+  atmosphere layered { streams 32, spectrum full }
+  weather { profile midlatitude_summer, aod 0.15, aerosol rural, water 2.1 g/cm2, ozone 320 DU,
+            cloud { optical_depth 0.3, base 8 km, top 9 km } }
 ";
 
 /// The layered column.

@@ -75,6 +75,7 @@ fn catalog() -> Catalog {
     add(Role::Aerosol, "urban", &[]);
     add(Role::Aerosol, "dust", DUST);
     add(Role::Atmosphere, "none", &[]);
+    add(Role::Atmosphere, "layered", const { &[Param::count("streams", &["auto"], Default::Word("auto"), "")] });
     add(Role::Atmosphere, "spectrl2", &[]);
     add(Role::Atmosphere, "table", const { &[Param::file("file", Default::Required, "the table")] });
     add(
@@ -204,7 +205,7 @@ fn the_first_example_means_its_scene() {
     assert!(matches!(sensor.bands[0], Bands::Edges { lower, upper, .. } if lower == 0.6 && upper == 0.75));
     let experiment = &scene.experiments[0];
     assert_eq!((experiment.name.as_str(), experiment.algorithm.name.as_str()), ("default", "split"));
-    assert_eq!((scene.atmosphere.name.as_str(), &experiment.models), ("spectrl2", &vec![Some(0), Some(0)]));
+    assert_eq!((scene.atmosphere.name.as_str(), &experiment.models), ("layered", &vec![Some(0), Some(0)]));
     assert_eq!(experiment.accuracy, Accuracy::Error { relative: 0.01, floor: None });
     assert_eq!(experiment.algorithm.args.word("reading"), Some("published"));
 }
@@ -359,7 +360,6 @@ fn one_fault_gives_one_message_with_its_code() {
         ("F01", "diffuse 0.18", "diffuse \"whit.csv\""),
         ("F02", "diffuse 0.18", "diffuse \"white.csv\" column nowhere"),
         // later versions
-        ("L01", "material grey {", "atmosphere layered { streams 16 }\nmaterial grey {"),
         ("L01", "material grey {", "experiment a { algorithm full }\nmaterial grey {"),
         ("L01", "material grey {", "experiment a { reflectance rpv else ideal }\nmaterial grey {"),
         ("L01", "ideal { diffuse 0.18 }", "rpv { rho0 0.1 }"),

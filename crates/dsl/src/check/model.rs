@@ -15,8 +15,6 @@ use crate::{Diagnostic, Severity, Span};
 
 /// Models that the language defines and a later version brings.
 pub(super) const LATER: &[(Role, &str)] = &[
-    (Role::Atmosphere, "layered"),
-    (Role::Atmosphere, "layers"),
     (Role::Algorithm, "full"),
     (Role::Algorithm, "radiosity"),
     (Role::Reflectance, "torrance_sparrow"),
