@@ -7,10 +7,14 @@ use std::sync::Arc;
 use sunglint_radiometry::{SpectralGrid, WorldDir};
 
 use crate::column_sky::{self, ColumnAir, Settings};
+use crate::ladder::Ladder;
 use crate::medium::{Layer, Medium, Strata};
 use crate::phase::Phase;
-use crate::radiance::{Lattice, Look, Optics, Sight, SunRays, gather_ground, solve_entry};
+use crate::radiance::{
+    Fan, FieldSuns, Gathered, Lattice, Look, Optics, Sight, SunRays, Weighed, gather, gather_ground, solve_entry,
+};
 use crate::ray::Shells;
+use crate::solver::Solution;
 use crate::strata::Site;
 use crate::{Cloud, Column, Needs, Path, SkyState, Sun};
 
@@ -45,6 +49,42 @@ impl Worst {
     }
 }
 
+/// One column under one sun, asked along any line of sight from the ground to space.
+struct Direct<'a> {
+    shells: &'a Shells,
+    optics: Optics,
+    lattice: Lattice,
+    rays: SunRays,
+    fields: FieldSuns,
+    solution: Solution,
+}
+
+impl<'a> Direct<'a> {
+    fn new(medium: &Medium, shells: &'a Shells, sun: f64, streams: usize, fluxes_only: bool) -> Self {
+        let optics = Optics::new(medium, shells, streams, false);
+        let lattice = Lattice::new(shells, &optics);
+        let rays = SunRays::new(shells, &lattice, sun);
+        let fields = FieldSuns::new(shells, &lattice, &[sun], false);
+        let solution = solve_entry(&optics, &fields, fluxes_only, ROUND.accuracy);
+        Self { shells, optics, lattice, rays, fields, solution }
+    }
+
+    /// At a zenith angle and an azimuth from the sun's \[rad\], of the ray from the ground up: light of the sun, and of a
+    /// ground of radiance 1.
+    fn along(&self, look: Look, zenith: f64, azimuth: f64) -> (Gathered, f64) {
+        let (all, streams) = ((self.shells.top(), f64::INFINITY), self.optics.streams());
+        let sight = Sight::new(self.shells, &self.lattice, look, (0.0, zenith), all, streams, streams);
+        let weighed = Weighed::new(&self.optics, &sight);
+        let fan = Fan::new(&sight, &self.rays, &self.fields, 0, &[azimuth]);
+        let mut projected = vec![Vec::new(); self.solution.beams.len()];
+        for (field, out) in self.solution.beams.iter().zip(&mut projected) {
+            weighed.project(&sight, field, out);
+        }
+        let gathered = gather(&self.optics, &sight, &weighed, &fan, &self.rays.depths(&self.optics), &projected);
+        (gathered.into_iter().next().unwrap(), gather_ground(&sight, &weighed, &self.solution.ground))
+    }
+}
+
 /// Radiance of light scattered once against SASKTRAN2 in the same shells, from the ground and from space. The haze's
 /// moments beyond the 64th are nothing, so that delta-M changes no depth; air needs no more than the 16 streams that are
 /// the default.
@@ -69,18 +109,14 @@ fn light_scattered_once_in_shells_is_that_of_sasktran2() {
         }
         let medium = Medium { layers: layers.collect(), phases };
         let shells = Shells::new(&strata, true);
-        let optics = Optics::new(&medium, &shells, streams);
-        let lattice = Lattice::new(&shells, &optics);
         for sun_deg in ["30.0", "60.0", "75.0", "85.0", "88.0"] {
             let sun = number(sun_deg).to_radians();
-            let rays = Arc::new(SunRays::new(&shells, &lattice, sun, true));
-            let (lit, _) = solve_entry(&optics, &[rays], true, 1e-3);
+            let direct = Direct::new(&medium, &shells, sun, streams, true);
             for row in rows.iter().filter(|row| row[0] == name && row[1] == sun_deg) {
                 let (view, dphi, due) = (number(&row[3]).to_radians(), number(&row[4]).to_radians(), number(&row[5]));
                 let up = row[2] == "up";
                 let (look, azimuth) = if up { (Look::Down, PI - dphi) } else { (Look::Up, dphi) };
-                let sight = Sight::new(&shells, &lattice, (0.0, view), (shells.top(), f64::INFINITY), streams, 0);
-                let once = lit[0].gather(&optics, &sight, look, sun, azimuth).once;
+                let once = direct.along(look, view, azimuth).0.once;
                 let level = if up { -view.cos() * sun.cos() } else { view.cos() * sun.cos() };
                 let cos = level + view.sin() * sun.sin() * dphi.cos();
                 let found: f64 = once.iter().zip(&medium.phases).map(|(k, phase)| k * phase.value(cos)).sum();
@@ -100,7 +136,7 @@ fn light_scattered_once_in_shells_is_that_of_sasktran2() {
     }
 }
 
-const PLANE: Settings = Settings { streams: 16, spherical: false, accuracy: 1e-3, every_entry: true };
+const PLANE: Settings = Settings { streams: 16, spherical: false, accuracy: 1e-3 };
 const ROUND: Settings = Settings { spherical: true, ..PLANE };
 const ALL: Needs =
     Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true, path_heights: None };
@@ -135,21 +171,23 @@ fn medium(site: &Site, wavelength: f64) -> Medium {
     media.swap_remove(media.len() / 2)
 }
 
-/// One column over a ground of an albedo under suns of E_s = 1.
-fn solved(strata: &Strata, medium: &Medium, albedo: f64, suns: &[f64], settings: &Settings) -> Vec<Box<dyn SkyState>> {
+/// Columns over a ground of an albedo under suns of E_s = 1, radiances solved in each.
+fn solved(strata: &Strata, media: &[Medium], albedo: f64, suns: &[f64], settings: &Settings) -> Vec<Box<dyn SkyState>> {
+    let reference = media[media.len() / 2].clone();
     let air = ColumnAir {
         strata: strata.clone(),
-        media: vec![medium.clone()],
-        wavelengths: vec![0.55],
-        solar: vec![1.0],
-        albedo: vec![albedo],
+        media: media.to_vec(),
+        ladder: Box::new(move |media| Ladder::of_every(media, reference.clone())),
+        solar: vec![1.0; media.len()],
+        albedo: vec![albedo; media.len()],
         notes: Vec::new(),
     };
     let suns: Vec<Sun> = suns.iter().map(|zenith| Sun::at(*zenith, 0.0)).collect();
     column_sky::solve(air, &suns, &ALL, settings)
 }
 
-/// What the sky is between the directions at which it is known, against light gathered along the very direction.
+/// What the sky is between the directions at which it is known, against light gathered along the very direction; its shape
+/// is that at 0.55 µm.
 #[test]
 fn the_sky_between_its_nodes_is_what_is_gathered_there() {
     let mut worst = Worst::default();
@@ -158,49 +196,42 @@ fn the_sky_between_its_nodes_is_what_is_gathered_there() {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1u64 << 53) as f64
     };
+    let wavelengths = [0.42, 0.55, 0.87];
     for (profile, visibility) in [("midlatitude_summer", 23.0), ("us_standard", 5.0)] {
         let site = Site::new(&column(profile, visibility, false)).unwrap();
         let strata = site.strata();
         let shells = Shells::new(&strata, true);
-        for wavelength in [0.42, 0.55, 0.87] {
-            let medium = medium(&site, wavelength);
-            let optics = Optics::new(&medium, &shells, ROUND.streams);
-            let lattice = Lattice::new(&shells, &optics);
-            for sun_deg in [20.0f64, 60.0, 80.0, 88.0] {
-                let sun = sun_deg.to_radians();
-                let sky = solved(&strata, &medium, 0.2, &[sun], &ROUND).remove(0);
-                let rays = Arc::new(SunRays::new(&shells, &lattice, sun, true));
-                let (lit, ground) = solve_entry(&optics, &[rays], false, ROUND.accuracy);
-                let beam = sun.cos() * sky.sun_transmittance()[0];
-                let shining = 0.2 * (beam + sky.diffuse_irradiance()[0]) / PI;
-                for i in 0..300 {
-                    // By thirds: over the sky, near the sun, near the horizon.
-                    let (zenith, azimuth) = match i % 3 {
-                        0 => (random().acos(), PI * random()),
-                        1 => {
-                            let (away, turn) = ((1.0 + 24.0 * random()).to_radians(), 2.0 * PI * random());
-                            let zenith = sun + away * turn.cos();
-                            (zenith, away * turn.sin() / sun.sin())
-                        }
-                        _ => ((75.0 + 15.0 * random()).to_radians(), PI * random()),
-                    };
-                    if !(0.0..FRAC_PI_2).contains(&zenith) {
-                        continue;
+        let media = wavelengths.map(|wavelength| medium(&site, wavelength));
+        for sun_deg in [20.0f64, 60.0, 80.0, 88.0] {
+            let sun = sun_deg.to_radians();
+            let sky = solved(&strata, &media, 0.2, &[sun], &ROUND).remove(0);
+            let direct = media.each_ref().map(|medium| Direct::new(medium, &shells, sun, ROUND.streams, false));
+            for i in 0..300 {
+                // By thirds: over the sky, near the sun, near the horizon.
+                let (zenith, azimuth) = match i % 3 {
+                    0 => (random().acos(), PI * random()),
+                    1 => {
+                        let (away, turn) = ((1.0 + 24.0 * random()).to_radians(), 2.0 * PI * random());
+                        (sun + away * turn.cos(), away * turn.sin() / sun.sin())
                     }
-                    let direction = WorldDir::from_zenith_azimuth(zenith, azimuth);
-                    let away = direction.angle_to(WorldDir::from_zenith_azimuth(sun, 0.0)).to_degrees();
-                    if away < 1.0 {
-                        continue;
-                    }
-                    let end = (shells.top(), f64::INFINITY);
-                    let sight = Sight::new(&shells, &lattice, (0.0, zenith), end, ROUND.streams, ROUND.streams);
-                    let cos = away.to_radians().cos();
-                    let gathered = lit[0].gather(&optics, &sight, Look::Up, sun, azimuth);
-                    let due = gathered.radiance(&optics, cos, azimuth)
-                        + shining * gather_ground(&optics, &ground, &sight, Look::Up);
-                    let mut found = [0.0];
-                    sky.sky_radiance(direction, &mut found);
-                    let degrees = zenith.to_degrees();
+                    _ => ((75.0 + 15.0 * random()).to_radians(), PI * random()),
+                };
+                if !(0.0..FRAC_PI_2).contains(&zenith) {
+                    continue;
+                }
+                let direction = WorldDir::from_zenith_azimuth(zenith, azimuth);
+                let away = direction.angle_to(WorldDir::from_zenith_azimuth(sun, 0.0)).to_degrees();
+                if away < 1.0 {
+                    continue;
+                }
+                let mut found = [0.0; 3];
+                sky.sky_radiance(direction, &mut found);
+                for (i, (direct, wavelength)) in direct.iter().zip(wavelengths).enumerate() {
+                    let beam = sun.cos() * sky.sun_transmittance()[i];
+                    let shining = 0.2 * (beam + sky.diffuse_irradiance()[i]) / PI;
+                    let (gathered, ground) = direct.along(Look::Up, zenith, azimuth);
+                    let due = gathered.radiance(&direct.optics, away.to_radians().cos(), azimuth) + shining * ground;
+                    let (degrees, turn) = (zenith.to_degrees(), azimuth.to_degrees());
                     let class = match (away, degrees) {
                         (a, _) if a < 2.0 => "1-2 from the sun",
                         (a, _) if a < 5.0 => "2-5 from the sun",
@@ -211,9 +242,8 @@ fn the_sky_between_its_nodes_is_what_is_gathered_there() {
                         (_, z) if z < 89.0 => "zenith 85-89",
                         _ => "zenith 89-90",
                     };
-                    let turn = azimuth.to_degrees();
-                    worst.add(format!("sun {sun_deg}, {class}"), found[0] / due - 1.0, || {
-                        format!("{wavelength} µm, {visibility} km, zenith {degrees:.2}, azimuth {turn:.2}, {away:.2} away")
+                    worst.add(format!("sun {sun_deg} range {visibility}, {class}"), found[i] / due - 1.0, || {
+                        format!("{wavelength} µm, zenith {degrees:.2}, azimuth {turn:.2}, {away:.2} away, L {due:.2e}")
                     });
                 }
             }
@@ -289,4 +319,91 @@ fn columns_are_handed_over() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
     std::fs::write(folder.join("columns_layers.csv"), layers).unwrap();
     std::fs::write(folder.join("columns_phases.csv"), phases).unwrap();
+}
+
+/// Columns of this crate against CDISORT with the same optical depths and phase functions, as they are solved by default
+/// but for the flat Earth: E_d at the ground, and radiances from the ground and from space 20° or more from the sun.
+#[test]
+fn columns_on_a_flat_earth_are_those_of_disort() {
+    let layers = records(include_str!("../tests/data/columns_layers.csv"));
+    let phases = records(include_str!("../tests/data/columns_phases.csv"));
+    let rows = records(include_str!("../tests/data/columns_disort.csv"));
+    let angles: Vec<f64> = angles().iter().map(|angle| angle.to_radians()).collect();
+    let list = |cell: &str| cell.split(';').map(number).collect::<Vec<f64>>();
+    let mut worst = Worst::default();
+    let mut names: Vec<&String> = layers.iter().map(|row| &row[0]).collect();
+    names.dedup();
+    for name in names {
+        let own: Vec<&Vec<String>> = layers.iter().filter(|row| row[0] == **name).collect();
+        let mut heights: Vec<f64> = own.iter().map(|row| number(&row[1])).collect();
+        heights.push(0.0);
+        let top = heights[0];
+        let strata = Strata { refractivity: vec![0.0; heights.len()], heights, radius: 6.371e6 };
+        let medium = Medium {
+            layers: (own.iter())
+                .map(|row| Layer { absorption: number(&row[3]), scattering: list(&row[4]) })
+                .collect(),
+            phases: (phases.iter().filter(|row| row[0] == **name))
+                .map(|row| Arc::new(Phase::table(&angles, &list(&row[1]))))
+                .collect(),
+        };
+        let cloudy = if name.contains("cloud") { "cloud" } else { "clear" };
+        for (sun_deg, albedo) in [("30.0", "0.0"), ("60.0", "0.3"), ("75.0", "0.3")] {
+            let sun = number(sun_deg).to_radians();
+            let sky = solved(&strata, std::slice::from_ref(&medium), number(albedo), &[sun], &PLANE).remove(0);
+            let (beam, diffuse) = (sun.cos() * sky.sun_transmittance()[0], sky.diffuse_irradiance()[0]);
+            for row in rows.iter().filter(|row| row[0] == **name && row[1] == sun_deg) {
+                let due = number(&row[6]);
+                if row[3] == "flux" {
+                    worst.add(format!("{cloudy} flux, sun {sun_deg}"), diffuse / due - 1.0, || format!("{row:?}"));
+                    // Not what is left of it under a cloud, but what there is of it.
+                    worst.add(format!("{cloudy} flux of all light, sun {sun_deg}"), (diffuse - due) / (due + beam), || {
+                        format!("{row:?}")
+                    });
+                    continue;
+                }
+                let (view, dphi) = (number(&row[4]).to_radians(), number(&row[5]).to_radians());
+                let up = row[3] == "up";
+                let level = if up { -view.cos() * sun.cos() } else { view.cos() * sun.cos() };
+                if level + view.sin() * sun.sin() * dphi.cos() > 20f64.to_radians().cos() {
+                    continue;
+                }
+                let mut found = [0.0];
+                if up {
+                    let towards_sensor = WorldDir::from_zenith_azimuth(view, PI - dphi);
+                    let length = 1.001 * top / view.cos();
+                    let mut through = [0.0];
+                    let path = Path { target_height: 0.0, sensor_height: top, length, towards_sensor };
+                    sky.path(&path, &mut through, &mut found);
+                    found[0] += through[0] * number(albedo) * (beam + diffuse) / PI;
+                } else {
+                    sky.sky_radiance(WorldDir::from_zenith_azimuth(view, dphi), &mut found);
+                }
+                let place = || format!("{row:?}: {:.6e}", found[0]);
+                worst.add(format!("{cloudy} {}, view {:>4}", row[3], row[4]), found[0] / due - 1.0, place);
+                worst.add(format!("{cloudy} {}, sun {sun_deg}", row[3]), found[0] / due - 1.0, place);
+            }
+        }
+    }
+    worst.print("columns against CDISORT");
+}
+
+#[test]
+fn tmp_shape() {
+    let site = Site::new(&column("midlatitude_summer", 23.0, false)).unwrap();
+    let shells = Shells::new(&site.strata(), true);
+    for w in [0.55, 0.87] {
+        let medium = medium(&site, w);
+        let sun = 88f64.to_radians();
+        let direct = Direct::new(&medium, &shells, sun, 16, false);
+        let sky = solved(&site.strata(), &[medium.clone()], 0.0, &[sun], &ROUND).remove(0);
+        for i in 0..=60 {
+            let z = 75.0 + 0.25 * i as f64;
+            let (g, _) = direct.along(Look::Up, z.to_radians(), FRAC_PI_2);
+            let cos = z.to_radians().cos() * sun.cos();
+            let mut f = [0.0];
+            sky.sky_radiance(WorldDir::from_zenith_azimuth(z.to_radians(), FRAC_PI_2), &mut f);
+            eprintln!("{w} {z} once {:.4e} orders0 {:.4e} twice {:.3e} L {:.4e} sky {:.4e} per entry {:?}", g.once.iter().sum::<f64>(), g.orders[0], g.twice, g.radiance(&direct.optics, cos, FRAC_PI_2), f[0], g.once.iter().map(|x| format!("{x:.2e}")).collect::<Vec<_>>());
+        }
+    }
 }
