@@ -388,22 +388,35 @@ fn columns_on_a_flat_earth_are_those_of_disort() {
     worst.print("columns against CDISORT");
 }
 
+/// Optical depth at 0.55 µm along the ray to the sun against a quadrature through the continuous profile, with and
+/// without refraction, and where the ray comes from. What differs is the cut into 33 layers, the formulas of Rayleigh's
+/// cross-section and of the refractivity of moist air, and O₂–O₂.
 #[test]
-fn tmp_shape() {
-    let site = Site::new(&column("midlatitude_summer", 23.0, false)).unwrap();
-    let shells = Shells::new(&site.strata(), true);
-    for w in [0.55, 0.87] {
-        let medium = medium(&site, w);
-        let sun = 88f64.to_radians();
-        let direct = Direct::new(&medium, &shells, sun, 16, false);
-        let sky = solved(&site.strata(), &[medium.clone()], 0.0, &[sun], &ROUND).remove(0);
-        for i in 0..=60 {
-            let z = 75.0 + 0.25 * i as f64;
-            let (g, _) = direct.along(Look::Up, z.to_radians(), FRAC_PI_2);
-            let cos = z.to_radians().cos() * sun.cos();
-            let mut f = [0.0];
-            sky.sky_radiance(WorldDir::from_zenith_azimuth(z.to_radians(), FRAC_PI_2), &mut f);
-            eprintln!("{w} {z} once {:.4e} orders0 {:.4e} twice {:.3e} L {:.4e} sky {:.4e} per entry {:?}", g.once.iter().sum::<f64>(), g.orders[0], g.twice, g.radiance(&direct.optics, cos, FRAC_PI_2), f[0], g.once.iter().map(|x| format!("{x:.2e}")).collect::<Vec<_>>());
-        }
+fn depths_to_the_sun_are_those_of_the_continuous_profile() {
+    let mut worst = Worst::default();
+    for row in records(include_str!("../tests/data/slant_depths.csv")) {
+        let name = row[0].trim_end_matches("_1976");
+        let site = Site::new(&Column { no2: Some(0.0), ..column(name, number(&row[1]), false) }).unwrap();
+        let grid = SpectralGrid::from_edges(&[0.55 - 1e-6, 0.55 + 1e-6]);
+        let medium = &site.media(&grid).unwrap()[0];
+        let apparent = number(&row[2]).to_radians();
+        let depth = |strata: &Strata| {
+            let lengths = Shells::new(strata, true).towards_apparent(0.0, apparent).unwrap();
+            let per_metre = medium.layers.iter().zip(strata.heights.windows(2)).map(|(l, h)| l.extinction() / (h[0] - h[1]));
+            lengths.iter().zip(per_metre).map(|(s, beta)| s * beta).sum::<f64>()
+        };
+        let bent = site.strata();
+        let straight = Strata { refractivity: vec![0.0; bent.heights.len()], ..bent.clone() };
+        let place = || row.join(" ");
+        worst.add(format!("apparent {:>4}, depth", row[2]), depth(&bent) / number(&row[4]) - 1.0, place);
+        worst.add(format!("apparent {:>4}, depth, straight", row[2]), depth(&straight) / number(&row[5]) - 1.0, place);
+        worst.add(format!("apparent {:>4}, transmittance", row[2]), (number(&row[4]) - depth(&bent)).exp_m1(), place);
+        // What of it is refraction: the ray seen at 90° is less deep than the straight one.
+        let (found, due) = (depth(&straight) / depth(&bent), number(&row[5]) / number(&row[4]));
+        worst.add(format!("apparent {:>4}, straight over bent", row[2]), found / due - 1.0, place);
+    }
+    worst.print("depths to the sun against a quadrature");
+    for (class, (error, _, _, place)) in worst.0.iter().filter(|(class, ..)| class.contains("depth")) {
+        assert!(error.abs() < 0.02, "{class}: {error:+.4} at {place}");
     }
 }
