@@ -76,12 +76,12 @@ fn light_scattered_once_in_shells_is_that_of_sasktran2() {
         let shells = Shells::new(&strata, true);
         for sun_deg in ["30.0", "60.0", "75.0", "85.0", "88.0"] {
             let sun = number(sun_deg).to_radians();
-            let probe = Probe::new(shells.clone(), &medium, streams, sun, 1e-3);
+            let direct = Probe::new(shells.clone(), &medium, streams, sun, ROUND.accuracy);
             for row in rows.iter().filter(|row| row[0] == name && row[1] == sun_deg) {
                 let (view, dphi, due) = (number(&row[3]).to_radians(), number(&row[4]).to_radians(), number(&row[5]));
                 let up = row[2] == "up";
                 let (look, azimuth) = if up { (Look::Down, PI - dphi) } else { (Look::Up, dphi) };
-                let once = probe.gather(look, view, azimuth).0.once;
+                let once = direct.gather(look, view, azimuth).0.once;
                 let level = if up { -view.cos() * sun.cos() } else { view.cos() * sun.cos() };
                 let cos = level + view.sin() * sun.sin() * dphi.cos();
                 let found: f64 = once.iter().zip(&medium.phases).map(|(k, phase)| k * phase.value(cos)).sum();
@@ -140,21 +140,23 @@ fn medium(site: &Site, wavelength: f64) -> Medium {
     media.swap_remove(media.len() / 2)
 }
 
-/// One column over a ground of an albedo under suns of E_s = 1.
-fn solved(strata: &Strata, medium: &Medium, albedo: f64, suns: &[f64], settings: &Settings) -> Vec<Box<dyn SkyState>> {
+/// Columns over a ground of an albedo under suns of E_s = 1, radiances solved in each.
+fn solved(strata: &Strata, media: &[Medium], albedo: f64, suns: &[f64], settings: &Settings) -> Vec<Box<dyn SkyState>> {
+    let reference = media[media.len() / 2].clone();
     let air = ColumnAir {
         strata: strata.clone(),
-        media: vec![medium.clone()],
-        ladder: Box::new(Ladder::of_all),
-        solar: vec![1.0],
-        albedo: vec![albedo],
+        media: media.to_vec(),
+        ladder: Box::new(move |media| Ladder::of_every(media, reference.clone())),
+        solar: vec![1.0; media.len()],
+        albedo: vec![albedo; media.len()],
         notes: Vec::new(),
     };
     let suns: Vec<Sun> = suns.iter().map(|zenith| Sun::at(*zenith, 0.0)).collect();
     column_sky::solve(air, &suns, &ALL, settings)
 }
 
-/// What the sky is between the directions at which it is known, against light gathered along the very direction.
+/// What the sky is between the directions at which it is known, against light gathered along the very direction; its shape
+/// is that at 0.55 µm.
 #[test]
 fn the_sky_between_its_nodes_is_what_is_gathered_there() {
     let mut worst = Worst::default();
@@ -163,43 +165,43 @@ fn the_sky_between_its_nodes_is_what_is_gathered_there() {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1u64 << 53) as f64
     };
+    let wavelengths = [0.42, 0.55, 0.87];
     for (profile, visibility) in [("midlatitude_summer", 23.0), ("us_standard", 5.0)] {
         let site = Site::new(&column(profile, visibility, false)).unwrap();
         let strata = site.strata();
         let shells = Shells::new(&strata, true);
-        for wavelength in [0.42, 0.55, 0.87] {
-            let medium = medium(&site, wavelength);
-            for sun_deg in [20.0f64, 60.0, 80.0, 88.0] {
-                let sun = sun_deg.to_radians();
-                let sky = solved(&strata, &medium, 0.2, &[sun], &ROUND).remove(0);
-                let probe = Probe::new(shells.clone(), &medium, ROUND.streams, sun, ROUND.accuracy);
-                let beam = sun.cos() * sky.sun_transmittance()[0];
-                let shining = 0.2 * (beam + sky.diffuse_irradiance()[0]) / PI;
-                for i in 0..300 {
-                    // By thirds: over the sky, near the sun, near the horizon.
-                    let (zenith, azimuth) = match i % 3 {
-                        0 => (random().acos(), PI * random()),
-                        1 => {
-                            let (away, turn) = ((1.0 + 24.0 * random()).to_radians(), 2.0 * PI * random());
-                            let zenith = sun + away * turn.cos();
-                            (zenith, away * turn.sin() / sun.sin())
-                        }
-                        _ => ((75.0 + 15.0 * random()).to_radians(), PI * random()),
-                    };
-                    if !(0.0..FRAC_PI_2).contains(&zenith) {
-                        continue;
+        let media = wavelengths.map(|wavelength| medium(&site, wavelength));
+        for sun_deg in [20.0f64, 60.0, 80.0, 88.0] {
+            let sun = sun_deg.to_radians();
+            let sky = solved(&strata, &media, 0.2, &[sun], &ROUND).remove(0);
+            let direct =
+                media.each_ref().map(|medium| Probe::new(shells.clone(), medium, ROUND.streams, sun, ROUND.accuracy));
+            for i in 0..300 {
+                // By thirds: over the sky, near the sun, near the horizon.
+                let (zenith, azimuth) = match i % 3 {
+                    0 => (random().acos(), PI * random()),
+                    1 => {
+                        let (away, turn) = ((1.0 + 24.0 * random()).to_radians(), 2.0 * PI * random());
+                        (sun + away * turn.cos(), away * turn.sin() / sun.sin())
                     }
-                    let direction = WorldDir::from_zenith_azimuth(zenith, azimuth);
-                    let away = direction.angle_to(WorldDir::from_zenith_azimuth(sun, 0.0)).to_degrees();
-                    if away < 1.0 {
-                        continue;
-                    }
-                    let cos = away.to_radians().cos();
-                    let (gathered, ground, _) = probe.gather(Look::Up, zenith, azimuth);
-                    let due = gathered.radiance(&probe.optics, cos, azimuth) + shining * ground;
-                    let mut found = [0.0];
-                    sky.sky_radiance(direction, &mut found);
-                    let degrees = zenith.to_degrees();
+                    _ => ((75.0 + 15.0 * random()).to_radians(), PI * random()),
+                };
+                if !(0.0..FRAC_PI_2).contains(&zenith) {
+                    continue;
+                }
+                let direction = WorldDir::from_zenith_azimuth(zenith, azimuth);
+                let away = direction.angle_to(WorldDir::from_zenith_azimuth(sun, 0.0)).to_degrees();
+                if away < 1.0 {
+                    continue;
+                }
+                let mut found = [0.0; 3];
+                sky.sky_radiance(direction, &mut found);
+                for (i, (direct, wavelength)) in direct.iter().zip(wavelengths).enumerate() {
+                    let beam = sun.cos() * sky.sun_transmittance()[i];
+                    let shining = 0.2 * (beam + sky.diffuse_irradiance()[i]) / PI;
+                    let (gathered, ground, _) = direct.gather(Look::Up, zenith, azimuth);
+                    let due = gathered.radiance(&direct.optics, away.to_radians().cos(), azimuth) + shining * ground;
+                    let (degrees, turn) = (zenith.to_degrees(), azimuth.to_degrees());
                     let class = match (away, degrees) {
                         (a, _) if a < 2.0 => "1-2 from the sun",
                         (a, _) if a < 5.0 => "2-5 from the sun",
@@ -210,11 +212,8 @@ fn the_sky_between_its_nodes_is_what_is_gathered_there() {
                         (_, z) if z < 89.0 => "zenith 85-89",
                         _ => "zenith 89-90",
                     };
-                    let turn = azimuth.to_degrees();
-                    worst.add(format!("sun {sun_deg}, {class}"), found[0] / due - 1.0, || {
-                        format!(
-                            "{wavelength} µm, {visibility} km, zenith {degrees:.2}, azimuth {turn:.2}, {away:.2} away"
-                        )
+                    worst.add(format!("sun {sun_deg} range {visibility}, {class}"), found[i] / due - 1.0, || {
+                        format!("{wavelength} µm, zenith {degrees:.2}, azimuth {turn:.2}, {away:.2} away, L {due:.2e}")
                     });
                 }
             }
@@ -290,4 +289,105 @@ fn columns_are_handed_over() {
     let folder = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data");
     std::fs::write(folder.join("columns_layers.csv"), layers).unwrap();
     std::fs::write(folder.join("columns_phases.csv"), phases).unwrap();
+}
+
+/// Columns of this crate against CDISORT with the same optical depths and phase functions, as they are solved by default
+/// but for the flat Earth: E_d at the ground, and radiances from the ground and from space 20° or more from the sun.
+#[test]
+fn columns_on_a_flat_earth_are_those_of_disort() {
+    let layers = records(include_str!("../tests/data/columns_layers.csv"));
+    let phases = records(include_str!("../tests/data/columns_phases.csv"));
+    let rows = records(include_str!("../tests/data/columns_disort.csv"));
+    let angles: Vec<f64> = angles().iter().map(|angle| angle.to_radians()).collect();
+    let list = |cell: &str| cell.split(';').map(number).collect::<Vec<f64>>();
+    let mut worst = Worst::default();
+    let mut names: Vec<&String> = layers.iter().map(|row| &row[0]).collect();
+    names.dedup();
+    for name in names {
+        let own: Vec<&Vec<String>> = layers.iter().filter(|row| row[0] == **name).collect();
+        let mut heights: Vec<f64> = own.iter().map(|row| number(&row[1])).collect();
+        heights.push(0.0);
+        let top = heights[0];
+        let strata = Strata { refractivity: vec![0.0; heights.len()], heights, radius: 6.371e6 };
+        let medium = Medium {
+            layers: (own.iter()).map(|row| Layer { absorption: number(&row[3]), scattering: list(&row[4]) }).collect(),
+            phases: (phases.iter().filter(|row| row[0] == **name))
+                .map(|row| Arc::new(Phase::table(&angles, &list(&row[1]))))
+                .collect(),
+        };
+        let cloudy = if name.contains("cloud") { "cloud" } else { "clear" };
+        for (sun_deg, albedo) in [("30.0", "0.0"), ("60.0", "0.3"), ("75.0", "0.3")] {
+            let sun = number(sun_deg).to_radians();
+            let sky = solved(&strata, std::slice::from_ref(&medium), number(albedo), &[sun], &PLANE).remove(0);
+            let (beam, diffuse) = (sun.cos() * sky.sun_transmittance()[0], sky.diffuse_irradiance()[0]);
+            for row in rows.iter().filter(|row| row[0] == **name && row[1] == sun_deg) {
+                let due = number(&row[6]);
+                if row[3] == "flux" {
+                    worst.add(format!("{cloudy} flux, sun {sun_deg}"), diffuse / due - 1.0, || format!("{row:?}"));
+                    // Not what is left of it under a cloud, but what there is of it.
+                    worst.add(
+                        format!("{cloudy} flux of all light, sun {sun_deg}"),
+                        (diffuse - due) / (due + beam),
+                        || format!("{row:?}"),
+                    );
+                    continue;
+                }
+                let (view, dphi) = (number(&row[4]).to_radians(), number(&row[5]).to_radians());
+                let up = row[3] == "up";
+                let level = if up { -view.cos() * sun.cos() } else { view.cos() * sun.cos() };
+                if level + view.sin() * sun.sin() * dphi.cos() > 20f64.to_radians().cos() {
+                    continue;
+                }
+                let mut found = [0.0];
+                if up {
+                    let towards_sensor = WorldDir::from_zenith_azimuth(view, PI - dphi);
+                    let length = 1.001 * top / view.cos();
+                    let mut through = [0.0];
+                    let path = Path { target_height: 0.0, sensor_height: top, length, towards_sensor };
+                    sky.path(&path, &mut through, &mut found);
+                    found[0] += through[0] * number(albedo) * (beam + diffuse) / PI;
+                } else {
+                    sky.sky_radiance(WorldDir::from_zenith_azimuth(view, dphi), &mut found);
+                }
+                let place = || format!("{row:?}: {:.6e}", found[0]);
+                worst.add(format!("{cloudy} {}, view {:>4}", row[3], row[4]), found[0] / due - 1.0, place);
+                worst.add(format!("{cloudy} {}, sun {sun_deg}", row[3]), found[0] / due - 1.0, place);
+            }
+        }
+    }
+    worst.print("columns against CDISORT");
+}
+
+/// Optical depth at 0.55 µm along the ray to the sun against a quadrature through the continuous profile, with and
+/// without refraction, and where the ray comes from. What differs is the cut into 33 layers, the formulas of Rayleigh's
+/// cross-section and of the refractivity of moist air, and O₂–O₂.
+#[test]
+fn depths_to_the_sun_are_those_of_the_continuous_profile() {
+    let mut worst = Worst::default();
+    for row in records(include_str!("../tests/data/slant_depths.csv")) {
+        let name = row[0].trim_end_matches("_1976");
+        let site = Site::new(&Column { no2: Some(0.0), ..column(name, number(&row[1]), false) }).unwrap();
+        let grid = SpectralGrid::from_edges(&[0.55 - 1e-6, 0.55 + 1e-6]);
+        let medium = &site.media(&grid).unwrap()[0];
+        let apparent = number(&row[2]).to_radians();
+        let depth = |strata: &Strata| {
+            let lengths = Shells::new(strata, true).towards_apparent(0.0, apparent).unwrap();
+            let per_metre =
+                medium.layers.iter().zip(strata.heights.windows(2)).map(|(l, h)| l.extinction() / (h[0] - h[1]));
+            lengths.iter().zip(per_metre).map(|(s, beta)| s * beta).sum::<f64>()
+        };
+        let bent = site.strata();
+        let straight = Strata { refractivity: vec![0.0; bent.heights.len()], ..bent.clone() };
+        let place = || row.join(" ");
+        worst.add(format!("apparent {:>4}, depth", row[2]), depth(&bent) / number(&row[4]) - 1.0, place);
+        worst.add(format!("apparent {:>4}, depth, straight", row[2]), depth(&straight) / number(&row[5]) - 1.0, place);
+        worst.add(format!("apparent {:>4}, transmittance", row[2]), (number(&row[4]) - depth(&bent)).exp_m1(), place);
+        // What of it is refraction: the ray seen at 90° is less deep than the straight one.
+        let (found, due) = (depth(&straight) / depth(&bent), number(&row[5]) / number(&row[4]));
+        worst.add(format!("apparent {:>4}, straight over bent", row[2]), found / due - 1.0, place);
+    }
+    worst.print("depths to the sun against a quadrature");
+    for (class, (error, _, _, place)) in worst.0.iter().filter(|(class, ..)| class.contains("depth")) {
+        assert!(error.abs() < 0.02, "{class}: {error:+.4} at {place}");
+    }
 }
