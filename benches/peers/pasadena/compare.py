@@ -23,7 +23,7 @@ collect {{ at 2017-11-08 18:42:27 +00:00 }}
 weather {{ profile {profile}, aerosol {aerosol}, aod {aod}, water {water} g/cm2, ozone 0.3 atm-cm }}
 atmosphere layered
 material target {{ ideal {{ diffuse {reflectance} }} }}
-ground target
+{around}
 sensor nadir {{ position (0 0 {height}) m, depression 90 deg, field_of_view 0.1 deg, pixels 1 x 1
 {bands}
 }}
@@ -44,7 +44,12 @@ def explain(binary, centres, widths, **air):
     bands = "\n".join(f"  band c{i} centre {c:.3f} nm fwhm {w:.3f} nm" for i, (c, w) in enumerate(zip(centres, widths)))
     with tempfile.TemporaryDirectory() as folder:
         scene = pathlib.Path(folder) / "pasadena.glint"
-        scene.write_text(SCENE.format(bands=bands, **air))
+        if (around := air.pop("around", None)) is None:
+            around = "ground target"
+        else:  # a field of 40 m in ground of another reflectance
+            around = f"material around {{ ideal {{ diffuse {around} }} }}\nground around\n" \
+                     "panel target size (40 40) m at (0 0 0.01) m facing up"
+        scene.write_text(SCENE.format(bands=bands, around=around, **air))
         found = subprocess.run([binary, "explain", scene, "--pixel", "0,0", "--json", "--quiet"], check=True,
                                capture_output=True, text=True)
     found = json.loads(found.stdout)["bands"]
@@ -85,15 +90,32 @@ def table(args):
                 print(f"    {c:7.2f} " + " ".join(f"{k} {found[k][i]:.5f} {due[k][i]:.5f}" for k in found))
 
 
+def spectrum(rows, nm):
+    return np.interp(nm, column(rows, "wavelength_nm"), column(rows, "reflectance"))
+
+
+def surroundings(args):
+    """As the language writes it, or nothing."""
+    if not args.around:
+        return None
+    if len(args.around) == 1 and args.around[0][0].isdigit():
+        return args.around[0]
+    nm = np.arange(380, 1051, 10)
+    mean = np.mean([spectrum(read(args.data / "reflectance" / f"{name}.csv"), nm) for name in args.around], 0)
+    return "[" + ", ".join(f"{a} nm {r:.4f}" for a, r in zip(nm, mean)) + "]"
+
+
 def targets(args):
     photometer = read(args.data / "truth_pasadena2017" / "sunphotometer_aod.csv")
     wavelength, depth = column(photometer, "wavelength_nm"), column(photometer, "tau_aerosol")
     aod = float(np.exp(np.interp(np.log(550), np.log(wavelength), np.log(depth))))
+    if args.aod is not None:
+        aod = args.aod
     measured = [row for row in read(args.data / "truth_pasadena2017" / "at_sensor_radiance.csv")
                 if 400 <= float(row["wavelength_nm"]) <= 1000]
     centres, widths = column(measured, "wavelength_nm"), column(measured, "fwhm_nm")
-    water = np.array([0.75, 1.0, 1.25, 1.5, 1.75, 2.0])
-    print(f"AVIRIS-NG: sun photometer's aerosol depth at 550 nm {aod:.4f}")
+    water = np.array([1.25, 1.75, 2.25, 2.75])
+    print(f"AVIRIS-NG: optical depth of the aerosol at 550 nm {aod:.4f}")
     for name, file in [("BeckmanLawn", "lawn_green_pasadena"), ("AstroGreenBaseball", "turf_green_artificial_field")]:
         due = 10 * column(measured, f"L_{name}_uW_cm2_sr_nm")
         curve = read(args.data / "reflectance" / f"{file}.csv")
@@ -103,7 +125,7 @@ def targets(args):
         for w in water:
             found[w], _ = explain(args.binary, centres, widths, ground=args.ground, height=args.sensor - args.ground,
                                   aod=aod, water=w, aerosol=args.aerosol, profile="midlatitude_summer",
-                                  reflectance=f"[{curve}]")
+                                  reflectance=f"[{curve}]", around=surroundings(args))
         # Water from the band at 0.94 um against its shoulders.
         band = (centres > 925) & (centres < 960)
         shoulder = ((centres > 860) & (centres < 890)) | (centres > 990)
@@ -124,9 +146,12 @@ def main():
     args = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     args.add_argument("--data", type=pathlib.Path, required=True)
     args.add_argument("--binary", type=pathlib.Path, default=BINARY)
-    args.add_argument("--ground", type=float, default=300.0, help="elevation of the ground [m]")
+    args.add_argument("--ground", type=float, default=350.0, help="elevation of the ground [m]")
     args.add_argument("--sensor", type=float, default=2300.0, help="altitude of the sensor above the sea [m]")
     args.add_argument("--aerosol", default="rural")
+    args.add_argument("--around", nargs="+", help="reflectance of what surrounds the targets, a number or spectra of the "
+                      "data's folder `reflectance` in equal shares [the targets' own]")
+    args.add_argument("--aod", type=float, help="optical depth over the targets [the photometer's]")
     args.add_argument("--targets", action="store_true", help="only the measured targets")
     args.add_argument("--verbose", action="store_true")
     args = args.parse_args()
