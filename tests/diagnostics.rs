@@ -25,7 +25,9 @@ fn bad_scenes() -> Vec<PathBuf> {
 }
 
 /// What every bad scene is told, found once for all tests.
-static FINDINGS: LazyLock<Vec<(PathBuf, (Vec<Diagnostic>, Sources))>> =
+type Findings = (Vec<Diagnostic>, Sources);
+
+static FINDINGS: LazyLock<Vec<(PathBuf, Findings)>> =
     LazyLock::new(|| bad_scenes().into_iter().map(|scene| (scene.clone(), findings(&scene))).collect());
 
 /// What the check finds, and where the scene reads well what binding it finds.

@@ -36,12 +36,15 @@ pub(crate) struct Settings {
     pub accuracy: f64,
 }
 
+/// Makes the columns at which radiances are solved from those of the entries.
+pub(crate) type LadderOf = Box<dyn Fn(&[Medium]) -> Ladder>;
+
 /// A column at every entry of a grid.
 pub(crate) struct ColumnAir {
     pub strata: Strata,
     pub media: Vec<Medium>,
     /// Where radiances are solved; asked for if they are.
-    pub ladder: Box<dyn Fn(&[Medium]) -> Ladder>,
+    pub ladder: LadderOf,
     /// E_s at 1 au.
     pub solar: Vec<f64>,
     /// Ground albedo.

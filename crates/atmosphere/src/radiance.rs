@@ -299,11 +299,6 @@ pub(crate) struct SunDepths {
 }
 
 impl SunDepths {
-    /// T′ of the beam at the ground.
-    pub fn direct(&self) -> f64 {
-        (-self.depths[self.depths.len() - self.offsets.count() + self.offsets.reach]).exp()
-    }
-
     /// Those of the levels from a part down.
     pub fn below(&self, first: usize) -> Self {
         let n = self.offsets.count();
@@ -1015,7 +1010,7 @@ impl Probe {
     /// T′ of the beam, E_d over a black ground as the solver has it, and S.
     pub fn fluxes(&self) -> (f64, f64, f64) {
         let down = self.fields.ground_flux(&self.solution.beams, 0, self.rays.zenith);
-        (self.depths.direct(), down, self.solution.ground.down.last().unwrap() / PI)
+        (self.rays.to_ground(&self.optics.scaled), down, self.solution.ground.down.last().unwrap() / PI)
     }
 
     /// Light of the sun, `azimuth` from that of the rising ray, gathered along a ray of this zenith angle at the ground; that

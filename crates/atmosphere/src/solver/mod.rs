@@ -84,20 +84,6 @@ impl Field {
         }
         out
     }
-
-    /// Drops what lies above a part.
-    pub fn keep_below(&mut self, first: usize) {
-        let levels = self.down.len();
-        let dropped = 2 * (first - self.first);
-        for rows in &mut self.orders {
-            let width = rows.len() / levels;
-            rows.drain(..dropped * width);
-            rows.shrink_to_fit();
-        }
-        self.down.drain(..dropped);
-        self.up.drain(..dropped);
-        self.first = first;
-    }
 }
 
 /// The answer for one stack.
