@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
+use std::sync::LazyLock;
 
 use serde_json::Value;
 use sunglint::{Diagnostic, Options, Plan, Severity, Sources};
@@ -23,13 +24,17 @@ fn bad_scenes() -> Vec<PathBuf> {
     scenes
 }
 
+/// What every bad scene is told, found once for all tests.
+static FINDINGS: LazyLock<Vec<(PathBuf, (Vec<Diagnostic>, Sources))>> =
+    LazyLock::new(|| bad_scenes().into_iter().map(|scene| (scene.clone(), findings(&scene))).collect());
+
 /// What the check finds, and where the scene reads well what binding it finds.
 fn findings(scene: &Path) -> (Vec<Diagnostic>, Sources) {
     let checked = sunglint::check(scene);
     if checked.scene.is_none() || checked.diagnostics.iter().any(|d| d.severity == Severity::Error) {
         return (checked.diagnostics, checked.sources);
     }
-    match Plan::new(checked, &Options::default()) {
+    match Plan::new(checked, &Options { unlit: true, ..Options::default() }) {
         Ok(plan) => (plan.warnings, plan.sources),
         Err(refused) => (refused.diagnostics, refused.sources),
     }
@@ -42,18 +47,16 @@ fn code_of(scene: &Path) -> String {
 
 #[test]
 fn every_bad_scene_is_told_what_is_wrong() {
-    for scene in bad_scenes() {
-        let (diagnostics, sources) = findings(&scene);
+    for (scene, (diagnostics, sources)) in &*FINDINGS {
         let name = scene.file_stem().expect("a file has a name").to_string_lossy().into_owned();
-        insta::assert_snapshot!(name, sunglint::render_diagnostics(&diagnostics, &sources, false));
+        insta::assert_snapshot!(name, sunglint::render_diagnostics(diagnostics, sources, false));
     }
 }
 
 #[test]
 fn every_bad_scene_gets_the_code_that_it_is_named_for() {
-    for scene in bad_scenes() {
-        let (diagnostics, _) = findings(&scene);
-        let code = code_of(&scene);
+    for (scene, (diagnostics, _)) in &*FINDINGS {
+        let code = code_of(scene);
         if code == "SEVERAL" {
             let codes: BTreeSet<&str> = diagnostics.iter().map(|d| d.code).collect();
             assert!(codes.len() >= 6, "{}: {codes:?}", scene.display());
@@ -73,8 +76,7 @@ fn every_code_has_a_bad_scene() {
 /// Messages are lower case without a final period, and every place is inside its file.
 #[test]
 fn diagnostics_are_written_in_one_style() {
-    for scene in bad_scenes() {
-        let (diagnostics, sources) = findings(&scene);
+    for (scene, (diagnostics, sources)) in &*FINDINGS {
         for diagnostic in diagnostics {
             assert!(!diagnostic.message.ends_with('.'), "{}: {}", scene.display(), diagnostic.message);
             if let Some(span) = diagnostic.span {

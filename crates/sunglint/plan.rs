@@ -57,6 +57,8 @@ pub struct Options {
     pub scale: Option<f64>,
     /// The air is solved for all that it can tell, not only for what the algorithm asks.
     pub whole_sky: bool,
+    /// The air is only asked whether it can be solved, for the checks of a scene: such a plan is dark.
+    pub unlit: bool,
 }
 
 /// Something that will not be computed, and why.
@@ -311,7 +313,7 @@ fn plan_worlds(
         diagnostics.extend(unknown("time", &options.times, &known, is_time));
     }
     let orders: Vec<&SkyOrder> = drafts.iter().map(|draft| &draft.sky).collect();
-    let (lit, n_shared) = light::solve(&orders, diagnostics);
+    let (lit, n_shared) = light::solve(&orders, options.unlit, diagnostics);
     if n_shared > 0 {
         skips.push(Skip {
             what: format!("{n_shared} solves of the air"),

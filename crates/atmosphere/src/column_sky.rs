@@ -8,6 +8,7 @@
 //! L = L₀ + L_g G,   L_g = A (E_b + E_d0)/(π (1 − A S))      ground albedo A, without solving again [Chandrasekhar1960, ch. XI]
 //! E_d = E_d0 + L_g π S
 //! E_d0 = F↓ + E cos θ (T′ − T)                              what delta-M leaves in the beam is diffuse light
+//! L_u = L_u′ + (τ₂′ − τ₂) L_behind                          and so is what it leaves on the line of sight
 //! ```
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -101,6 +102,7 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
     let shared = Arc::new(Shared {
         extinction: per_metre(Layer::extinction),
         scattering: per_metre(|layer| layer.scattering.iter().sum()),
+        peak: fluxes.iter().map(|flux| flux.peak.clone()).collect(),
         shares: ladder.shares,
         lattices: lattices.lattices.clone(),
         grounds: match paths {
@@ -189,6 +191,8 @@ struct Fluxes {
     direct: Vec<f64>,
     /// S: what a shining ground gets back.
     returned: f64,
+    /// Extinction that delta-M takes for none \[m⁻¹\], by layer.
+    peak: Vec<f64>,
 }
 
 fn fluxes(media: &[Medium], shells: &Shells, zeniths: &[f64], settings: &Settings) -> Vec<Fluxes> {
@@ -205,6 +209,7 @@ fn fluxes(media: &[Medium], shells: &Shells, zeniths: &[f64], settings: &Setting
                 down: solution.beams.iter().map(last).collect(),
                 direct: suns.to_ground(&optics),
                 returned: last(&solution.ground) / PI,
+                peak: optics.extinction.iter().zip(&optics.scaled).map(|(all, scaled)| all - scaled).collect(),
             }
         })
         .collect()
@@ -453,6 +458,8 @@ struct Shared {
     /// Extinction and scattering \[m⁻¹\], by entry and layer.
     extinction: Vec<Vec<f64>>,
     scattering: Vec<Vec<f64>>,
+    /// Of that, what delta-M leaves in its direction.
+    peak: Vec<Vec<f64>>,
     /// By entry: columns and their shares.
     shares: Vec<Vec<(usize, f64)>>,
     lattices: Vec<Arc<Lattice>>,
@@ -652,102 +659,51 @@ impl SkyState for ColumnSkyState {
         let cos_sun = cosine_between((zenith, sun), turn);
         let cos_scattering = if looks_down { -cos_sun } else { cos_sun };
         let orders = self.lit.iter().map(|(_, field)| field.orders.len()).max().unwrap_or(1);
-        let rays: Vec<(Sight, Fan)> = (shared.lattices.iter())
-            .map(|lattice| {
-                let place = (low, zenith);
-                let sight = Sight::new(&shared.shells, lattice, look, place, (end, length), shared.streams, orders);
-                let fan = Fan::alone(&sight, sun, &self.lit[0].0, turn);
-                (sight, fan)
-            })
-            .collect();
-        // L_u over the scattering optical depth of the path, for the sun and for a shining ground.
+        let ray = |lattice: &Arc<Lattice>, from: f64, until: (f64, f64)| {
+            let sight = Sight::new(&shared.shells, lattice, look, (from, zenith), until, shared.streams, orders);
+            let fan = Fan::alone(&sight, sun, &self.lit[0].0, turn);
+            (sight, fan)
+        };
+        let rays: Vec<(Sight, Fan)> = shared.lattices.iter().map(|l| ray(l, low, (end, length))).collect();
+        // What stands behind the far end along the same line: the air down to the ground, or up to space.
+        let (from, to) = if looks_down { (0.0, low) } else { (high, shared.shells.top()) };
+        let behind: Vec<Option<(Sight, Fan)>> =
+            shared.lattices.iter().map(|l| (to > from).then(|| ray(l, from, (to, f64::INFINITY)))).collect();
         let mut projected = [Projected::default()];
-        let per_scattering: Vec<(f64, f64)> = (shared.grounds.iter().zip(&self.lit))
-            .map(|((optics, lattice, ground), (depths, field))| {
-                let (sight, fan) = &rays[*lattice];
+        let mut seen = |(sight, fan): &(Sight, Fan), optics: &Optics, ground: &Field, lit: &(SunDepths, Field)| {
+            let weighed = Weighed::new(optics, sight);
+            weighed.project(&lit.1, false, &mut projected[0]);
+            let gathered = gather(optics, sight, &weighed, fan, &lit.0, &projected).remove(0);
+            let by_sun = gathered.radiance(optics, cos_scattering, between);
+            (by_sun, gather_ground(&weighed, ground), weighed.transmittance())
+        };
+        // L_u over the scattering optical depth of the path and the light behind it, by the sun and by a shining ground.
+        let of_columns: Vec<[f64; 4]> = (shared.grounds.iter().zip(&self.lit))
+            .map(|((optics, lattice, ground), lit)| {
                 let scattering: f64 = crossed.iter().map(|(layer, s)| optics.scattered(*layer) * s).sum();
-                if scattering <= 0.0 {
-                    return (0.0, 0.0);
-                }
-                let weighed = Weighed::new(optics, sight);
-                weighed.project(field, false, &mut projected[0]);
-                let gathered = gather(optics, sight, &weighed, fan, depths, &projected).remove(0);
-                let by_sun = gathered.radiance(optics, cos_scattering, between);
-                (by_sun / scattering, gather_ground(&weighed, ground) / scattering)
+                let (by_sun, by_ground, _) = seen(&rays[*lattice], optics, ground, lit);
+                let (sun_behind, ground_behind, through) = match &behind[*lattice] {
+                    Some(ray) => seen(ray, optics, ground, lit),
+                    None => (0.0, 0.0, 1.0),
+                };
+                let ground_behind = if looks_down { ground_behind + through } else { ground_behind };
+                let per = 1.0 / scattering.max(1e-300);
+                // Shares of logarithms: what absorbs more gathers less by orders of magnitude.
+                [by_sun * per, by_ground * per, sun_behind, ground_behind].map(|value| value.max(1e-300).ln())
             })
             .collect();
-        // Shares of logarithms: what absorbs more gathers less by orders of magnitude.
-        let logs: Vec<(f64, f64)> =
-            per_scattering.into_iter().map(|(a, b)| (a.max(1e-300).ln(), b.max(1e-300).ln())).collect();
         for (i, l) in radiance.iter_mut().enumerate() {
-            let scattering: f64 = crossed.iter().map(|(layer, s)| shared.scattering[i][*layer] * s).sum();
-            let (mut by_sun, mut by_ground) = (0.0, 0.0);
+            let along = |of: &[f64]| crossed.iter().map(|(layer, s)| of[*layer] * s).sum::<f64>();
+            let scattering = along(&shared.scattering[i]);
+            let mut shares = [0.0; 4];
             for (place, share) in &shared.shares[i] {
-                by_sun += share * logs[*place].0;
-                by_ground += share * logs[*place].1;
+                shares.iter_mut().zip(of_columns[*place]).for_each(|(sum, log)| *sum += share * log);
             }
-            *l = scattering * (self.solar[i] * by_sun.exp() + self.shining[i] * by_ground.exp());
-        }
-    }
-}
-
-#[cfg(test)]
-mod timing {
-    use super::*;
-    use crate::phase::Phase;
-
-    #[test]
-    fn time() {
-        let heights: Vec<f64> = (0..=33).rev().map(|i| 100_000.0 * (f64::from(i) / 33.0).powi(2)).collect();
-        let strata = Strata { refractivity: vec![0.0; 34], heights: heights.clone(), radius: 6.371e6 };
-        let wavelengths: Vec<f64> = (0..121).map(|i| 0.4 + 0.005 * f64::from(i)).collect();
-        let hg = Arc::new(Phase::henyey_greenstein(0.65));
-        let ray = Arc::new(Phase::rayleigh(0.0));
-        let media = wavelengths
-            .iter()
-            .map(|w| Medium {
-                phases: vec![ray.clone(), hg.clone()],
-                layers: heights
-                    .windows(2)
-                    .map(|h| {
-                        let share = |scale: f64| (-h[1] / scale).exp() - (-h[0] / scale).exp();
-                        let haze = if h[1] < 12e3 { 0.25 * (0.55 / w).powf(1.3) * share(2000.0) } else { 0.0 };
-                        Layer {
-                            absorption: 0.07 * haze + 0.02 * share(5000.0),
-                            scattering: vec![0.098 * (0.55 / w).powi(4) * share(8000.0), 0.93 * haze],
-                        }
-                    })
-                    .collect(),
-            })
-            .collect::<Vec<_>>();
-        let suns =
-            |n: usize| -> Vec<Sun> { (0..n).map(|i| Sun::at((80.0 - 2.0 * i as f64).to_radians(), 1.0)).collect() };
-        for (streams, spherical, n) in
-            [(8, false, 1), (16, false, 1), (8, true, 1), (16, true, 1), (16, true, 30), (16, false, 30)]
-        {
-            let air = || ColumnAir {
-                strata: strata.clone(),
-                media: media.clone(),
-                solar: vec![1.0; 121],
-                albedo: vec![0.1; 121],
-                notes: vec![],
-                ladder: Box::new(|media| Ladder::of_every(media, media[30].clone())),
-            };
-            let needs = Needs {
-                direct_beam: true,
-                diffuse_irradiance: true,
-                directional_sky: true,
-                path: false,
-                path_heights: None,
-            };
-            let settings = Settings { streams, spherical, accuracy: 1e-3 };
-            let start = std::time::Instant::now();
-            let s = solve(air(), &suns(n), &needs, &settings);
-            eprintln!(
-                "{streams} {spherical} {n}: {:.3} s, {}",
-                start.elapsed().as_secs_f64(),
-                s[0].diffuse_irradiance()[30]
-            );
+            let [by_sun, by_ground, sun_behind, ground_behind] = shares.map(f64::exp);
+            // Delta-M leaves in its direction what the peak turns a little: light from behind that τ₂ counts as lost.
+            let peak = transmittance[i] * along(&shared.peak[i]).clamp(0.0, 700.0).exp_m1();
+            *l = self.solar[i] * (scattering * by_sun + peak * sun_behind)
+                + self.shining[i] * (scattering * by_ground + peak * ground_behind);
         }
     }
 }

@@ -170,6 +170,11 @@ impl Atmosphere for Layered {
         true
     }
 
+    fn check(&self, column: &Column, _: &[Sun], grid: &SpectralGrid, _: &Needs) -> Result<(), AtmosphereError> {
+        coverage::check("the TSIS-1 solar spectrum", HSRS.domain(), grid)?;
+        Site::new(column)?.check(grid)
+    }
+
     fn solve(
         &self,
         column: &Column,

@@ -84,6 +84,15 @@ pub trait Atmosphere: Send + Sync {
         Vec::new()
     }
 
+    /// Finds what [`Atmosphere::solve`] would refuse, for the checks of a scene. A provider whose solution takes time says
+    /// so without it.
+    ///
+    /// # Errors
+    /// Those of `solve`.
+    fn check(&self, column: &Column, suns: &[Sun], grid: &SpectralGrid, needs: &Needs) -> Result<(), AtmosphereError> {
+        self.solve(column, suns, grid, needs).map(drop)
+    }
+
     /// Solves one column for many suns at once, since most of the work does not depend on the sun; the answers are in
     /// the order of `suns`. A provider computes no more than `needs` says.
     fn solve(

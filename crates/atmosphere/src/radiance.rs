@@ -725,6 +725,11 @@ impl Weighed {
         Self { passed, first, centres, kernel }
     }
 
+    /// Scaled transmittance of the whole ray.
+    pub fn transmittance(&self) -> f64 {
+        self.passed.last().map_or(1.0, |depth| (-depth).exp())
+    }
+
     /// What a ray draws from a field; by level too where wanted.
     pub fn project(&self, field: &Field, by_level: bool, out: &mut Projected) {
         out.total.clear();
@@ -1076,11 +1081,11 @@ mod tests {
             .collect()
     }
 
-    fn worst(streams: usize, most_g: f64) -> (f64, String) {
+    fn worst(streams: usize, serves: impl Fn(&Problem) -> bool) -> (f64, String) {
         let radiances = records(include_str!("../tests/data/plane_parallel.csv"));
         let mut worst = (0.0, String::new());
         for problem in problems() {
-            if problem.g > most_g {
+            if !serves(&problem) {
                 continue;
             }
             let n = problem.medium.layers.len();
@@ -1115,11 +1120,31 @@ mod tests {
         worst
     }
 
+    /// At 20° and more from the beam. CDISORT's own 16 streams miss its 128 by 1.35e-3 in the worst of these (g = 0.7, τ = 0.1,
+    /// seen at 75° against the beam), where an optically thin layer is brightest between the nodes of the quadrature; ours do
+    /// no better. All others are within 1e-3.
     #[test]
     fn radiances_are_those_of_disort() {
-        for (streams, g) in [(8, 0.7), (16, 0.7), (32, 0.9), (64, 0.9)] {
-            let (error, place) = worst(streams, g);
-            eprintln!("{streams} streams, g to {g}: {error:.2e} at {place}");
-        }
+        let (eight, _) = worst(8, |problem| problem.g <= 0.7);
+        assert!(eight < 0.025, "8 streams: {eight:.2e}");
+        let (sixteen, place) = worst(16, |problem| problem.g <= 0.7);
+        assert!(sixteen < 1.36e-3, "16 streams: {sixteen:.2e} at {place}");
+        let but = |problem: &Problem| {
+            problem.g <= 0.7
+                && !problem.id.starts_with("hg0.7_omega0.99_0.1")
+                && !problem.id.starts_with("hg0.7_omega1.0_0.1")
+        };
+        let (others, place) = worst(16, but);
+        assert!(others < 1e-3, "16 streams: {others:.2e} at {place}");
+        let (peaked, place) = worst(32, |problem| problem.g > 0.7);
+        assert!(peaked < 1e-3, "32 streams: {peaked:.2e} at {place}");
+    }
+
+    /// 64 streams, where parts are thin and the quadrature is fine.
+    #[test]
+    fn many_streams_agree_with_disort_to_1e_5() {
+        let few = ["rayleigh_0.5_sun60_a0.0", "hg0.7_omega0.99_0.1_sun30_a0.0", "mixed_sun30_a0.0"];
+        let (error, place) = worst(64, |problem| few.contains(&problem.id.as_str()));
+        assert!(error < 1e-5, "{error:.2e} at {place}");
     }
 }

@@ -123,15 +123,24 @@ impl Site {
         &self.notes
     }
 
+    /// Whether the tables speak for a grid.
+    ///
+    /// # Errors
+    /// `M04` where they do not.
+    pub fn check(&self, grid: &SpectralGrid) -> Result<(), AtmosphereError> {
+        coverage::check("the band model of LOWTRAN 7", gas::COVERED, grid)?;
+        for region in &self.regions {
+            coverage::check("the aerosol", region.aerosol.domain(), grid)?;
+        }
+        Ok(())
+    }
+
     /// The column at every entry of a grid.
     ///
     /// # Errors
     /// `M04` where the tables of gases or of the aerosol do not speak for the grid.
     pub fn media(&self, grid: &SpectralGrid) -> Result<Vec<Medium>, AtmosphereError> {
-        coverage::check("the band model of LOWTRAN 7", gas::COVERED, grid)?;
-        for region in &self.regions {
-            coverage::check("the aerosol", region.aerosol.domain(), grid)?;
-        }
+        self.check(grid)?;
         let mut media = Vec::with_capacity(grid.len());
         // Terms g of one node share all but the lines.
         let mut shared: Option<(u32, f64, Scatterers, Arc<BinAbsorption>)> = None;

@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, HashMap};
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use sunglint_atmosphere::{Atmosphere, AtmosphereError, Cloud, Column, Needs, Sun};
+use sunglint_atmosphere::{Atmosphere, AtmosphereError, BUILTIN, Cloud, Column, Needs, Sun};
 use sunglint_dsl::scene::{self, Experiment, ModelUse, Weather};
 use sunglint_dsl::{Diagnostic, Scene, Span, list};
 use sunglint_geometry::{FacetId, MaterialId, World};
+use sunglint_plugin::{Args, SpectralValue, Value};
 use sunglint_radiometry::{LocalDir, SpectralGrid};
 use sunglint_sensor::Camera;
 use sunglint_tracer::{Illumination, Scenery};
@@ -182,8 +183,9 @@ struct Ask<'o> {
 }
 
 /// Solves each column once, for all suns and all needs of all runs; the lights are in the order of `orders`, `None` where
-/// a column has no solution, which is told. With the number of skies that a run found solved for another.
-pub(super) fn solve(orders: &[&SkyOrder], diagnostics: &mut Vec<Diagnostic>) -> (Vec<Option<Lit>>, usize) {
+/// a column has no solution, which is told. With the number of skies that a run found solved for another. Where the lights
+/// are not wanted, the providers only tell what they would refuse.
+pub(super) fn solve(orders: &[&SkyOrder], unlit: bool, diagnostics: &mut Vec<Diagnostic>) -> (Vec<Option<Lit>>, usize) {
     let mut asks: Vec<Ask> = Vec::new();
     let mut known: HashMap<blake3::Hash, usize> = HashMap::new();
     let mut shared = 0;
@@ -213,7 +215,13 @@ pub(super) fn solve(orders: &[&SkyOrder], diagnostics: &mut Vec<Diagnostic>) -> 
     let solved: Vec<_> = (asks.par_iter())
         .map(|ask| {
             let suns: Vec<Sun> = ask.suns.iter().map(|sun| sun.unwrap_or(below)).collect();
-            let skies = ask.order.provider.solve(ask.column, &suns, &ask.order.grid, &ask.needs)?;
+            let (order, provider) = (ask.order, &ask.order.provider);
+            let skies = if unlit {
+                provider.check(ask.column, &suns, &order.grid, &ask.needs)?;
+                darkness(&order.grid)?.solve(ask.column, &suns, &order.grid, &ask.needs)?
+            } else {
+                provider.solve(ask.column, &suns, &order.grid, &ask.needs)?
+            };
             let light = skies.into_iter().zip(&ask.suns).map(|(sky, sun)| Illumination::new(sky, sun.as_ref()));
             Ok(light.map(Arc::new).collect::<Vec<Arc<Illumination>>>())
         })
@@ -234,6 +242,14 @@ pub(super) fn solve(orders: &[&SkyOrder], diagnostics: &mut Vec<Diagnostic>) -> 
         Some(Lit { light: light.collect::<Option<_>>()?, columns })
     });
     (lit.collect(), shared)
+}
+
+/// An atmosphere without air, for a plan that nobody renders.
+fn darkness(grid: &SpectralGrid) -> Result<Arc<dyn Atmosphere>, AtmosphereError> {
+    let none = BUILTIN.iter().find(|model| model.info.name == "none").expect("the model `none` is always there");
+    let dark = [("solar_irradiance".to_string(), Value::Spectrum(SpectralValue::Constant(0.0)))];
+    (none.bind)(&Args::new(&none.info, dark), grid)
+        .map_err(|fault| AtmosphereError { code: fault.code, message: fault.message })
 }
 
 /// Lowest and highest z of what a camera can see and of the camera itself on its whole flight, and of `level` \[m\].
