@@ -115,10 +115,12 @@ fn adapted_against_full(from_nm: u32, to_nm: u32, suns_deg: &[f64]) -> Worst {
     let mut worst = Worst::default();
     for ((full, adapted), sun) in full.iter().zip(&adapted).zip(suns_deg) {
         let (a, b) = (adapted.diffuse_irradiance(), full.diffuse_irradiance());
-        a.iter().zip(b.iter()).for_each(|(a, b)| assert!((a / b - 1.0).abs() < 1e-12 || b.abs() < 1e-30, "{a} {b}"));
+        // Nothing is left where a gas is black: what little is, rounding spoils.
+        a.iter().zip(b.iter()).for_each(|(a, b)| assert!((a - b).abs() <= 1e-9 * b + 1e-20, "{a} {b}"));
         let mut compare = |class: &str, a: &[f64], b: &[f64], place: &str| {
             for (i, (a, b)) in bands(&grid, a).into_iter().zip(bands(&grid, b)).enumerate() {
                 let wavelength = f64::from(from_nm) + 10.0 * i as f64 + 5.0;
+                assert!(a.is_finite() && b > 0.0, "{wavelength} nm, sun {sun}, {place}: {a} {b}");
                 worst.add(class, a / b - 1.0, || format!("{wavelength} nm, sun {sun}, {place}"));
             }
         };
