@@ -236,6 +236,9 @@ const FEW: [f64; 3] = [0.0, PI / 2.0, PI];
 /// Zenith angle from which all are \[rad\].
 const LOW: f64 = 72.0 * PI / 180.0;
 
+/// Share of the slowly varying light that the halo is counted against beside what the beam gives.
+const BESIDE: f64 = 0.1;
+
 /// Shares of gathered azimuths at another.
 fn azimuth_shares(gathered: &[f64], azimuth: f64) -> Vec<f64> {
     let x = azimuth.cos();
@@ -408,7 +411,8 @@ impl Shape {
                         let [smooth, _] = gathered.parts(&optics, cos, azimuth);
                         let peaked: f64 = gathered.of_peaked(&optics).map(|(k, _)| k).sum();
                         parts[0][a].push(smooth.max(1e-300).ln());
-                        parts[1][a].push(peaked.max(1e-300).ln());
+                        // Where the beam is all but gone at this wavelength it need not be at others.
+                        parts[1][a].push((peaked + BESIDE * smooth.max(0.0)).max(1e-300).ln());
                     }
                     // At the height of the sun, where the halo counts.
                     let has_halo = all[0].of_peaked(&optics).any(|(k, _)| k > 0.0);
@@ -520,7 +524,7 @@ impl ColumnSkyState {
         let peaked = !shape.halo.is_empty();
         let parts = if peaked { 2 } else { 1 };
         let mut terms = vec![Vec::with_capacity(self.black.len()); parts * nodes.len()];
-        let per = |x: f64| if x > 0.0 { 1.0 / x } else { 0.0 };
+        let per = |x: f64| if x > 1e-200 { 1.0 / x } else { 0.0 };
         let inverse: Vec<(f64, f64)> = skies.iter().map(|sky| (per(sky.black[place]), per(sky.returned))).collect();
         for (i, shares) in self.shared.shares.iter().enumerate() {
             let (sun, ground) = (self.solar[i] * self.black[i], self.shining[i] * fluxes[i].returned);

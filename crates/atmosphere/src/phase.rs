@@ -36,6 +36,9 @@ enum Law {
     Mix(Vec<(f64, Arc<Phase>)>),
 }
 
+/// Moments that are taken of a table.
+const MOST_MOMENTS: usize = 500;
+
 impl Phase {
     /// Molecules of depolarisation ρ.
     pub fn rayleigh(depolarisation: f64) -> Self {
@@ -131,7 +134,8 @@ impl Law {
             Self::Rayleigh { gamma } => vec![1.0, 0.0, 0.1 * (1.0 - gamma) / (1.0 + 2.0 * gamma)],
             Self::HenyeyGreenstein { g } => (0..=n as i32).map(|l| g.powi(l)).collect(),
             Self::Moments(chi) => chi.clone(),
-            Self::Table { .. } => self.project(n.max(128)),
+            // As many whatever is asked for: their last digits depend on it.
+            Self::Table { .. } => self.project(n.max(MOST_MOMENTS)),
             Self::Mix(parts) => {
                 let mut sum = vec![0.0; n + 1];
                 for (share, phase) in parts {
