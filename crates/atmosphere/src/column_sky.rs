@@ -12,7 +12,7 @@
 //! ```
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use rayon::prelude::*;
 use sunglint_radiometry::{Irradiance, Radiance, Spectrum, Transmittance, WorldDir};
@@ -490,7 +490,26 @@ struct ColumnSkyState {
     sky: Option<(Nodes, Shape)>,
     /// Of the columns.
     lit: Vec<(SunDepths, Field)>,
+    /// What the air at the ground sends into directions, as far as they were asked for.
+    near: Vec<OnceLock<Near>>,
 }
+
+/// What the air at the ground sends into one direction, at every entry.
+struct Near {
+    /// L_u over the scattering optical depth of a short path.
+    source: Vec<f64>,
+    /// Light from behind it.
+    behind: Vec<f64>,
+}
+
+/// Short paths near the ground take their light from directions so far apart, of zenith angle and azimuth.
+const NEAR_ZENITHS: usize = 72;
+const NEAR_AZIMUTHS: usize = 72;
+/// A path is short and near the ground up to this height and length \[m\], and this optical depth at any entry's
+/// scattering.
+const NEAR_HEIGHT: f64 = 60.0;
+const NEAR_LENGTH: f64 = 600.0;
+const NEAR_DEPTH: f64 = 0.1;
 
 impl ColumnSkyState {
     fn dark(shared: &Arc<Shared>, solar: &[f64], sun: &Sun, n: usize) -> Self {
@@ -505,6 +524,7 @@ impl ColumnSkyState {
             terms: Vec::new(),
             sky: None,
             lit: Vec::new(),
+            near: (0..(NEAR_ZENITHS + 1) * NEAR_AZIMUTHS).map(|_| OnceLock::new()).collect(),
         }
     }
 
@@ -557,6 +577,99 @@ impl ColumnSkyState {
         }
         self.terms = terms.into_iter().map(Spectrum::new).collect();
         self.sky = Some((nodes.clone(), shape));
+    }
+
+    /// By column, logarithms of L_u over the scattering optical depth of a path that rises from `low` towards `towards`,
+    /// and of the light from behind it, by the sun and by a shining ground.
+    fn along(
+        &self,
+        looks_down: bool,
+        towards: WorldDir,
+        (low, high): (f64, f64),
+        (end, length): (f64, f64),
+        crossed: &[(usize, f64)],
+    ) -> Vec<[f64; 4]> {
+        let shared = &*self.shared;
+        let zenith = towards.zenith().min(FRAC_PI_2);
+        let look = if looks_down { Look::Down } else { Look::Up };
+        let turn = towards.azimuth() - self.sun.apparent.azimuth();
+        // Between the directions in which light and beam travel.
+        let between = if looks_down { turn + PI } else { turn };
+        let sun = self.sun.true_zenith;
+        let cos_sun = cosine_between((zenith, sun), turn);
+        let cos_scattering = if looks_down { -cos_sun } else { cos_sun };
+        let orders = self.lit.iter().map(|(_, field)| field.orders.len()).max().unwrap_or(1);
+        let ray = |lattice: &Arc<Lattice>, from: f64, until: (f64, f64)| {
+            let sight = Sight::new(&shared.shells, lattice, look, (from, zenith), until, shared.streams, orders);
+            let fan = Fan::alone(&sight, sun, &self.lit[0].0, turn);
+            (sight, fan)
+        };
+        let rays: Vec<(Sight, Fan)> = shared.lattices.iter().map(|l| ray(l, low, (end, length))).collect();
+        // What stands behind the far end along the same line: the air down to the ground, or up to space.
+        let (from, to) = if looks_down { (0.0, low) } else { (high, shared.shells.top()) };
+        let behind: Vec<Option<(Sight, Fan)>> =
+            shared.lattices.iter().map(|l| (to > from).then(|| ray(l, from, (to, f64::INFINITY)))).collect();
+        let mut projected = [Projected::default()];
+        let mut seen = |(sight, fan): &(Sight, Fan), optics: &Optics, ground: &Field, lit: &(SunDepths, Field)| {
+            let weighed = Weighed::new(optics, sight);
+            weighed.project(&lit.1, false, &mut projected[0]);
+            let gathered = gather(optics, sight, &weighed, fan, &lit.0, &projected).remove(0);
+            let by_sun = gathered.radiance(optics, cos_scattering, between);
+            (by_sun, gather_ground(&weighed, ground), weighed.transmittance())
+        };
+        // L_u over the scattering optical depth of the path and the light behind it, by the sun and by a shining ground.
+        (shared.grounds.iter().zip(&self.lit))
+            .map(|((optics, lattice, ground), lit)| {
+                let scattering: f64 = crossed.iter().map(|(layer, s)| optics.scattered(*layer) * s).sum();
+                let (by_sun, by_ground, _) = seen(&rays[*lattice], optics, ground, lit);
+                let (sun_behind, ground_behind, through) = match &behind[*lattice] {
+                    Some(ray) => seen(ray, optics, ground, lit),
+                    None => (0.0, 0.0, 1.0),
+                };
+                let ground_behind = if looks_down { ground_behind + through } else { ground_behind };
+                let per = 1.0 / scattering.max(1e-300);
+                // Shares of logarithms: what absorbs more gathers less by orders of magnitude.
+                [by_sun * per, by_ground * per, sun_behind, ground_behind].map(|value| value.max(1e-300).ln())
+            })
+            .collect()
+    }
+
+    /// The nodes about a direction of light near the ground, and their shares.
+    fn near(&self, towards_sensor: WorldDir) -> Vec<(&Near, f64)> {
+        let x = towards_sensor.zenith() / PI * NEAR_ZENITHS as f64;
+        let y = (towards_sensor.azimuth() - self.sun.apparent.azimuth()).rem_euclid(TAU) / TAU * NEAR_AZIMUTHS as f64;
+        let (i, j) = ((x as usize).min(NEAR_ZENITHS - 1), y as usize % NEAR_AZIMUTHS);
+        let (t, u) = (x - i as f64, y - y.floor());
+        let next = (j + 1) % NEAR_AZIMUTHS;
+        [(i, j, (1.0 - t) * (1.0 - u)), (i + 1, j, t * (1.0 - u)), (i, next, (1.0 - t) * u), (i + 1, next, t * u)]
+            .into_iter()
+            .filter(|(.., share)| *share > 0.0)
+            .map(|(i, j, share)| (self.near[i * NEAR_AZIMUTHS + j].get_or_init(|| self.near_at(i, j)), share))
+            .collect()
+    }
+
+    fn near_at(&self, i: usize, j: usize) -> Near {
+        let shared = &*self.shared;
+        let zenith = PI * i as f64 / NEAR_ZENITHS as f64;
+        let azimuth = self.sun.apparent.azimuth() + TAU * j as f64 / NEAR_AZIMUTHS as f64;
+        let travels = WorldDir::from_zenith_azimuth(zenith, azimuth);
+        let looks_down = zenith <= FRAC_PI_2;
+        let towards = if looks_down { travels } else { -travels };
+        // A metre of the lowest layer.
+        let crossed = [(shared.shells.heights.len() - 2, 1.0)];
+        let of_columns = self.along(looks_down, towards, (0.0, 0.0), (f64::INFINITY, 1.0), &crossed);
+        let n = self.black.len();
+        let mut near = Near { source: Vec::with_capacity(n), behind: Vec::with_capacity(n) };
+        for (i, shares) in shared.shares.iter().enumerate() {
+            let mut sums = [0.0; 4];
+            for (place, share) in shares {
+                sums.iter_mut().zip(of_columns[*place]).for_each(|(sum, log)| *sum += share * log);
+            }
+            let [by_sun, by_ground, sun_behind, ground_behind] = sums.map(f64::exp);
+            near.source.push(self.solar[i] * by_sun + self.shining[i] * by_ground);
+            near.behind.push(self.solar[i] * sun_behind + self.shining[i] * ground_behind);
+        }
+        near
     }
 }
 
@@ -658,47 +771,26 @@ impl SkyState for ColumnSkyState {
         if self.lit.is_empty() {
             return;
         }
-        let look = if looks_down { Look::Down } else { Look::Up };
-        let turn = towards.azimuth() - self.sun.apparent.azimuth();
-        // Between the directions in which light and beam travel.
-        let between = if looks_down { turn + PI } else { turn };
-        let sun = self.sun.true_zenith;
-        let cos_sun = cosine_between((zenith, sun), turn);
-        let cos_scattering = if looks_down { -cos_sun } else { cos_sun };
-        let orders = self.lit.iter().map(|(_, field)| field.orders.len()).max().unwrap_or(1);
-        let ray = |lattice: &Arc<Lattice>, from: f64, until: (f64, f64)| {
-            let sight = Sight::new(&shared.shells, lattice, look, (from, zenith), until, shared.streams, orders);
-            let fan = Fan::alone(&sight, sun, &self.lit[0].0, turn);
-            (sight, fan)
-        };
-        let rays: Vec<(Sight, Fan)> = shared.lattices.iter().map(|l| ray(l, low, (end, length))).collect();
-        // What stands behind the far end along the same line: the air down to the ground, or up to space.
-        let (from, to) = if looks_down { (0.0, low) } else { (high, shared.shells.top()) };
-        let behind: Vec<Option<(Sight, Fan)>> =
-            shared.lattices.iter().map(|l| (to > from).then(|| ray(l, from, (to, f64::INFINITY)))).collect();
-        let mut projected = [Projected::default()];
-        let mut seen = |(sight, fan): &(Sight, Fan), optics: &Optics, ground: &Field, lit: &(SunDepths, Field)| {
-            let weighed = Weighed::new(optics, sight);
-            weighed.project(&lit.1, false, &mut projected[0]);
-            let gathered = gather(optics, sight, &weighed, fan, &lit.0, &projected).remove(0);
-            let by_sun = gathered.radiance(optics, cos_scattering, between);
-            (by_sun, gather_ground(&weighed, ground), weighed.transmittance())
-        };
-        // L_u over the scattering optical depth of the path and the light behind it, by the sun and by a shining ground.
-        let of_columns: Vec<[f64; 4]> = (shared.grounds.iter().zip(&self.lit))
-            .map(|((optics, lattice, ground), lit)| {
-                let scattering: f64 = crossed.iter().map(|(layer, s)| optics.scattered(*layer) * s).sum();
-                let (by_sun, by_ground, _) = seen(&rays[*lattice], optics, ground, lit);
-                let (sun_behind, ground_behind, through) = match &behind[*lattice] {
-                    Some(ray) => seen(ray, optics, ground, lit),
-                    None => (0.0, 0.0, 1.0),
-                };
-                let ground_behind = if looks_down { ground_behind + through } else { ground_behind };
-                let per = 1.0 / scattering.max(1e-300);
-                // Shares of logarithms: what absorbs more gathers less by orders of magnitude.
-                [by_sun * per, by_ground * per, sun_behind, ground_behind].map(|value| value.max(1e-300).ln())
-            })
-            .collect();
+        let depth = |i: usize| crossed.iter().map(|(layer, s)| shared.scattering[i][*layer] * s).sum::<f64>();
+        let near = low > -NEAR_HEIGHT && high < NEAR_HEIGHT && length < NEAR_LENGTH;
+        if near && (0..radiance.len()).all(|i| depth(i) < NEAR_DEPTH) {
+            let nodes = self.near(path.towards_sensor);
+            for (i, l) in radiance.iter_mut().enumerate() {
+                let along = |of: &[f64]| crossed.iter().map(|(layer, s)| of[*layer] * s).sum::<f64>();
+                let (mut source, mut behind) = (0.0, 0.0);
+                for (node, share) in &nodes {
+                    source += share * node.source[i];
+                    behind += share * node.behind[i];
+                }
+                let whole = along(&shared.extinction[i]);
+                // ∫ e^(−x) along the path, over its depth.
+                let mean = if whole > 1e-6 { (1.0 - transmittance[i]) / whole } else { 1.0 };
+                let peak = transmittance[i] * along(&shared.peak[i]).clamp(0.0, 700.0).exp_m1();
+                *l = along(&shared.scattering[i]) * mean * source + peak * behind;
+            }
+            return;
+        }
+        let of_columns = self.along(looks_down, towards, (low, high), (end, length), &crossed);
         for (i, l) in radiance.iter_mut().enumerate() {
             let along = |of: &[f64]| crossed.iter().map(|(layer, s)| of[*layer] * s).sum::<f64>();
             let scattering = along(&shared.scattering[i]);
