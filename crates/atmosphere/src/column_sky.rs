@@ -71,11 +71,19 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
     let fluxes: Vec<Fluxes> = if diffuse { fluxes(&air.media, &shells, &zeniths, settings) } else { Vec::new() };
     let ladder = match directional || paths {
         true => (air.ladder)(&air.media),
-        false => Ladder { columns: Vec::new(), shares: Vec::new(), reference: air.media[0].clone() },
+        false => {
+            Ladder { columns: Vec::new(), shares: Vec::new(), reference: air.media[0].clone(), densest: Vec::new() }
+        }
     };
+    // One lattice for all columns.
+    let mut parts = vec![1; air.strata.heights.len() - 1];
+    for medium in &ladder.densest {
+        let wanted = Optics::new(medium, &shells, settings.streams, false).parts();
+        parts.iter_mut().zip(wanted).for_each(|(most, wanted)| *most = wanted.max(*most));
+    }
     let mut lattices = Lattices::default();
     let optics: Vec<Optics> =
-        ladder.columns.par_iter().map(|medium| Optics::new(medium, &shells, settings.streams, false)).collect();
+        ladder.columns.par_iter().map(|medium| Optics::in_parts(medium, &shells, settings.streams, &parts)).collect();
     let places: Vec<usize> = optics.iter().map(|optics| lattices.of(&shells, optics, &zeniths)).collect();
     let solved: Vec<Solution> = (optics.par_iter().zip(&places))
         .map(|(optics, place)| solve_entry(optics, &lattices.fields[*place], false, settings.accuracy))

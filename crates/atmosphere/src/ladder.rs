@@ -17,7 +17,12 @@ pub(crate) struct Ladder {
     pub shares: Vec<Vec<(usize, f64)>>,
     /// The column that gives the sky its general shape.
     pub reference: Medium,
+    /// Columns that none scatters more than: all are cut in the parts that these want.
+    pub densest: Vec<Medium>,
 }
+
+/// Absorption in the column that says how layers are cut, so that they are thin for it too.
+const DENSEST: [f64; 2] = [0.3, 0.0];
 
 /// Distance of the wavelengths \[µm\].
 const SPACING: f64 = 0.02;
@@ -59,17 +64,20 @@ impl Ladder {
         let columns = (keys.iter())
             .map(|(k, i, j)| site.absorbing(wavelength(*k), [*i, *j].map(|rung| SOFT * (RUNG * rung as f64).exp_m1())))
             .collect();
-        Self { columns, shares, reference: site.absorbing(REFERENCE, [0.0; 2]) }
+        let densest = vec![site.absorbing(wavelength(0), DENSEST)];
+        Self { columns, shares, reference: site.absorbing(REFERENCE, [0.0; 2]), densest }
     }
 
     /// One column for entries that are all alike.
     pub fn of_all(media: &[Medium]) -> Self {
-        Self { columns: vec![media[0].clone()], shares: vec![vec![(0, 1.0)]; media.len()], reference: media[0].clone() }
+        let one = || media[0].clone();
+        Self { columns: vec![one()], shares: vec![vec![(0, 1.0)]; media.len()], reference: one(), densest: vec![one()] }
     }
 
     /// Every entry its own.
     pub fn of_every(media: &[Medium], reference: Medium) -> Self {
-        Self { columns: media.to_vec(), shares: (0..media.len()).map(|i| vec![(i, 1.0)]).collect(), reference }
+        let shares = (0..media.len()).map(|i| vec![(i, 1.0)]).collect();
+        Self { columns: media.to_vec(), shares, reference, densest: media.to_vec() }
     }
 }
 

@@ -58,6 +58,20 @@ const MOST_PARTS: usize = 800;
 impl Optics {
     /// With `whole` layers where only fluxes at the ground are wanted.
     pub fn new(medium: &Medium, shells: &Shells, streams: usize, whole: bool) -> Self {
+        Self::cut(medium, shells, streams, whole, None)
+    }
+
+    /// With layers cut in given parts.
+    pub fn in_parts(medium: &Medium, shells: &Shells, streams: usize, parts: &[usize]) -> Self {
+        Self::cut(medium, shells, streams, false, Some(parts))
+    }
+
+    /// Parts that serve columns of no more scattering than this one.
+    pub fn parts(&self) -> Vec<usize> {
+        self.layers.iter().map(|layer| layer.parts).collect()
+    }
+
+    fn cut(medium: &Medium, shells: &Shells, streams: usize, whole: bool, given: Option<&[usize]>) -> Self {
         let moments: Vec<_> = medium.phases.iter().map(|phase| phase.moments(streams)).collect();
         let n = medium.layers.len();
         let mut optics = Self {
@@ -86,6 +100,7 @@ impl Optics {
             };
             let worth = depth.min((scattering - peak) / PALE);
             let parts = ((worth / thickest(streams)).ceil() as usize).clamp(1, if whole { 1 } else { MOST_PARTS });
+            let parts = given.map_or(parts, |given| given[i]);
             optics.extinction.push(layer.extinction() * per_metre);
             optics.scaled.push(depth * per_metre);
             optics.scattering.extend(layer.scattering.iter().map(|s| s * per_metre));
