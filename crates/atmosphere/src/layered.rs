@@ -41,7 +41,7 @@ Round Earth
   Twilight: with the sun below the horizon τ₁ = 0 while the high air is still lit, down to a true zenith angle of 98°.
 
 The air
-  33 layers, closer near the ground, to 100 km; the edges of clouds are edges of layers. Every amount is integrated with
+  32 layers, closer near the ground, to 100 km; the edges of clouds are edges of layers. Every amount is integrated with
   exponentials between the levels of the profile, so that layers sum to columns.
   molecules  cross-section and depolarisation [Bodhaine1999]
   H₂O, O₂    LOWTRAN 7's band models as sums of exponentials, Σ_g w_g e^(−k_g W), within 0.002 of the band model's
@@ -88,12 +88,15 @@ Validity
   Sun lower than 5°: light scattered more than once is approximate, and most of it in twilight.
 
 Accuracy, measured (docs/VALIDATION.md)
-  against                                            quantity                    deviation
-  CDISORT, plane-parallel                            irradiance                  see docs/VALIDATION.md
-  CDISORT, plane-parallel                            radiance, 16 streams        see docs/VALIDATION.md
-  SASKTRAN2, spherical shells, single scattering     radiance                    see docs/VALIDATION.md
-  LOWTRAN 7                                          transmittance of gases      see docs/VALIDATION.md
-  LOWTRAN 7, libRadtran, 6S                          E_d, L_d, L_u, clear sky    see docs/VALIDATION.md
+  CDISORT, 40 plane-parallel problems, 20° or more from the beam   radiance, 16 streams   1.2e-3, nearly everywhere 1e-4
+  CDISORT, 15 columns of this model                               E_d and sky            0.06 %, 0.34 %
+  SASKTRAN2, spherical shells, light scattered once               radiance               1 % to 85°, 2 % at 89°
+  LOWTRAN 7, four profiles                                        gases, 5 nm means      0.003, 0.008 to air mass 9
+  MODTRAN, windows, one flight                                    L_u, A + B, S          5 %, 1 %, 4 %
+  Between rungs of the ladder: 0.2 to 1 % (root mean square), 5 % in black bands under a low sun. Near a sun lower than 5° in
+  thick haze the sky between its nodes errs by tens of per cent.
+
+Cost: seconds a column and sun over 0.4 to 1.0 µm, a minute and 3 GB for a day of thirty suns in four bands.
 
 In a scene
   atmosphere layered
