@@ -16,7 +16,7 @@
 //!
 //! On a round Earth the ray's zenith angle, the sun's and so T′_sun change along the ray. The field is solved plane-parallel
 //! under beams of spherical path lengths, for a fixed row of the sun's zenith angles, and interpolated to the sun of each
-//! point [Dahlback1991 for the beam; Spurr2001 for the line of sight].
+//! point [Dahlback1991 for the beam; Spurr2002 for the line of sight].
 
 use std::f64::consts::PI;
 use std::sync::Arc;
