@@ -793,7 +793,7 @@ impl SkyState for ColumnSkyState {
                 let whole = along(&shared.extinction[i]);
                 // ∫ e^(−x) along the path, over its depth.
                 let mean = if whole > 1e-6 { (1.0 - transmittance[i]) / whole } else { 1.0 };
-                let peak = transmittance[i] * along(&shared.peak[i]).clamp(0.0, 700.0).exp_m1();
+                let peak = ((along(&shared.peak[i]) - whole).min(0.0).exp() - transmittance[i]).max(0.0);
                 *l = along(&shared.scattering[i]) * mean * source + peak * behind;
             }
             return;
@@ -808,7 +808,8 @@ impl SkyState for ColumnSkyState {
             }
             let [by_sun, by_ground, sun_behind, ground_behind] = shares.map(f64::exp);
             // Delta-M leaves in its direction what the peak turns a little: light from behind that τ₂ counts as lost.
-            let peak = transmittance[i] * along(&shared.peak[i]).clamp(0.0, 700.0).exp_m1();
+            let whole = along(&shared.extinction[i]);
+            let peak = ((along(&shared.peak[i]) - whole).min(0.0).exp() - transmittance[i]).max(0.0);
             *l = self.solar[i] * (scattering * by_sun + peak * sun_behind)
                 + self.shining[i] * (scattering * by_ground + peak * ground_behind);
         }
