@@ -635,9 +635,9 @@ impl ColumnSkyState {
                     None => (0.0, 0.0, 1.0),
                 };
                 let ground_behind = if looks_down { ground_behind + through } else { ground_behind };
-                let per = 1.0 / scattering.max(1e-300);
+                let per = if scattering > 1e-200 { 1.0 / scattering } else { 0.0 };
                 // Shares of logarithms: what absorbs more gathers less by orders of magnitude.
-                [by_sun * per, by_ground * per, sun_behind, ground_behind].map(|value| value.max(1e-300).ln())
+                [by_sun * per, by_ground * per, sun_behind, ground_behind].map(|value| value.clamp(1e-300, 1e200).ln())
             })
             .collect()
     }
