@@ -53,6 +53,28 @@ pub struct Column {
     pub ground_albedo: Vec<f64>,
 }
 
+impl Default for Column {
+    /// The air of the profile `us_standard` over sea level and a black ground of no entries.
+    fn default() -> Self {
+        Self {
+            profile: "us_standard".to_string(),
+            sounding: None,
+            clouds: Vec::new(),
+            elevation: 0.0,
+            pressure: None,
+            temperature: None,
+            humidity: None,
+            water: None,
+            ozone: None,
+            no2: None,
+            visibility: None,
+            aod: None,
+            aerosol: None,
+            ground_albedo: Vec::new(),
+        }
+    }
+}
+
 impl Column {
     /// The levels of the air: the radiosonde's, or those of the named profile.
     ///

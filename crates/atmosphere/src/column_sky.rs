@@ -127,6 +127,7 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
             false => Vec::new(),
         },
         streams: settings.streams,
+        usual: ladder.reference.layers.iter().map(|layer| layer.scattering.iter().sum()).collect(),
         notes: air.notes,
         shells,
     });
@@ -452,6 +453,14 @@ impl Shape {
     }
 }
 
+/// Π valueˢʰᵃʳᵉ, the shares adding up to 1; their sum where a value is not positive.
+fn geometric(values: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
+    if values.clone().all(|(value, _)| value > 1e-290) {
+        return values.map(|(value, share)| share * value.ln()).sum::<f64>().exp();
+    }
+    values.map(|(value, share)| share * value).sum()
+}
+
 /// A broken line through values at whole numbers.
 fn line(values: &[f64], x: f64) -> f64 {
     let i = (x.max(0.0) as usize).min(values.len() - 2);
@@ -481,6 +490,8 @@ struct Shared {
     /// Of the columns: optics, lattice, and the field over a shining ground.
     grounds: Vec<(Optics, usize, Field)>,
     streams: usize,
+    /// Scattering optical depth of each layer at the wavelength of reference.
+    usual: Vec<f64>,
     notes: Vec<String>,
 }
 
@@ -498,16 +509,8 @@ struct ColumnSkyState {
     sky: Option<(Nodes, Shape)>,
     /// Of the columns.
     lit: Vec<(SunDepths, Field)>,
-    /// What the air at the ground sends into directions, as far as they were asked for.
-    near: Vec<OnceLock<Near>>,
-}
-
-/// What the air at the ground sends into one direction, at every entry.
-struct Near {
-    /// L_u over the scattering optical depth of a short path.
-    source: Vec<f64>,
-    /// Light from behind it.
-    behind: Vec<f64>,
+    /// What the air at the ground sends into directions, as far as they were asked for, at every entry.
+    near: Vec<OnceLock<Vec<Source>>>,
 }
 
 /// Short paths near the ground take their light from directions so far apart, of zenith angle and azimuth.
@@ -557,19 +560,17 @@ impl ColumnSkyState {
         for (i, shares) in self.shared.shares.iter().enumerate() {
             let (sun, ground) = (self.solar[i] * self.black[i], self.shining[i] * fluxes[i].returned);
             for j in 0..nodes.zeniths.len() {
-                let own: f64 = shares.iter().map(|(c, share)| share * skies[*c].by_ground[j] * inverse[*c].1).sum();
-                let from_ground = ground * own;
+                let of_column = |c: usize| skies[c].by_ground[j] * inverse[c].1;
+                let from_ground = ground * geometric(shares.iter().map(|(c, share)| (of_column(*c), *share)));
                 for k in 0..nodes.ring(j).len() {
                     let node = nodes.index(j, k);
-                    let mut own = [0.0; 2];
-                    for (c, share) in shares {
-                        let scale = share * inverse[*c].0;
-                        let of_column = skies[*c].by_sun[place][node];
-                        own.iter_mut().zip(of_column).for_each(|(own, l)| *own += scale * l);
-                    }
-                    terms[node].push(sun * own[0] + from_ground);
+                    let own = |part: usize| {
+                        let of_column = |c: usize| skies[c].by_sun[place][node][part] * inverse[c].0;
+                        sun * geometric(shares.iter().map(|(c, share)| (of_column(*c), *share)))
+                    };
+                    terms[node].push(own(0) + from_ground);
                     if peaked {
-                        terms[nodes.len() + node].push(sun * own[1]);
+                        terms[nodes.len() + node].push(own(1));
                     }
                 }
             }
@@ -587,8 +588,7 @@ impl ColumnSkyState {
         self.sky = Some((nodes.clone(), shape));
     }
 
-    /// By column, logarithms of L_u over the scattering optical depth of a path that rises from `low` towards `towards`,
-    /// and of the light from behind it, by the sun and by a shining ground.
+    /// What every column gives along a path that rises from `low` towards `towards`.
     fn along(
         &self,
         looks_down: bool,
@@ -596,7 +596,7 @@ impl ColumnSkyState {
         (low, high): (f64, f64),
         (end, length): (f64, f64),
         crossed: &[(usize, f64)],
-    ) -> Vec<[f64; 4]> {
+    ) -> Along {
         let shared = &*self.shared;
         let zenith = towards.zenith().min(FRAC_PI_2);
         let look = if looks_down { Look::Down } else { Look::Up };
@@ -625,25 +625,67 @@ impl ColumnSkyState {
             let by_sun = gathered.radiance(optics, cos_scattering, between);
             (by_sun, gather_ground(&weighed, ground), weighed.transmittance())
         };
-        // L_u over the scattering optical depth of the path and the light behind it, by the sun and by a shining ground.
-        (shared.grounds.iter().zip(&self.lit))
+        let to_sun = self.to_sun(crossed, (low, high));
+        let columns = (shared.grounds.iter().zip(&self.lit))
             .map(|((optics, lattice, ground), lit)| {
-                let scattering: f64 = crossed.iter().map(|(layer, s)| optics.scattered(*layer) * s).sum();
+                let through = |of: &dyn Fn(usize) -> f64| crossed.iter().map(|(layer, s)| of(*layer) * s).sum::<f64>();
+                let scattered = through(&|layer| optics.scattered(layer));
+                let gathers = scattered * mean_passed(through(&|layer| optics.extinction[layer]));
+                let absorbed = |(layer, s): &(usize, f64)| (optics.extinction[*layer] - optics.scattered(*layer)) * s;
                 let (by_sun, by_ground, _) = seen(&rays[*lattice], optics, ground, lit);
                 let (sun_behind, ground_behind, through) = match &behind[*lattice] {
                     Some(ray) => seen(ray, optics, ground, lit),
                     None => (0.0, 0.0, 1.0),
                 };
                 let ground_behind = if looks_down { ground_behind + through } else { ground_behind };
-                let per = if scattering > 1e-200 { 1.0 / scattering } else { 0.0 };
-                // Shares of logarithms: what absorbs more gathers less by orders of magnitude.
-                [by_sun * per, by_ground * per, sun_behind, ground_behind].map(|value| value.clamp(1e-300, 1e200).ln())
+                let per = if gathers > 1e-200 { 1.0 / gathers } else { 0.0 };
+                let mut logs = [by_sun * per, by_ground * per, sun_behind, ground_behind]
+                    .map(|value| value.clamp(1e-300, 1e200).ln());
+                logs[0] += to_sun.iter().map(absorbed).sum::<f64>();
+                logs
             })
-            .collect()
+            .collect();
+        Along { columns, to_sun }
+    }
+
+    /// Layers and lengths \[m\] from the middle of a path's scattering to the sun; none where the Earth is in the way.
+    fn to_sun(&self, crossed: &[(usize, f64)], (low, high): (f64, f64)) -> Vec<(usize, f64)> {
+        let shared = &*self.shared;
+        let heights = &shared.shells.heights;
+        let scatters = |(layer, s): &(usize, f64)| shared.usual[*layer] / (heights[*layer] - heights[*layer + 1]) * s;
+        let half = 0.5 * crossed.iter().map(scatters).sum::<f64>();
+        let (mut below, mut middle) = (0.0, low);
+        for place in crossed.iter().rev() {
+            let own = scatters(place);
+            if below + own >= half && own > 0.0 {
+                let (bottom, top) = (heights[place.0 + 1].max(low), heights[place.0].min(high));
+                middle = bottom + (top - bottom) * (half - below) / own;
+                break;
+            }
+            below += own;
+        }
+        let lengths = shared.shells.towards_sun(middle.max(low).min(high.max(low)), self.sun.true_zenith);
+        lengths.into_iter().flatten().enumerate().filter(|(_, s)| *s > 0.0).collect()
+    }
+
+    /// What an entry takes from the columns.
+    fn source(&self, entry: usize, along: &Along) -> Source {
+        let shared = &*self.shared;
+        let mut sums = [0.0; 4];
+        for (place, share) in &shared.shares[entry] {
+            sums.iter_mut().zip(along.columns[*place]).for_each(|(sum, log)| *sum += share * log);
+        }
+        let (extinction, scattering) = (&shared.extinction[entry], &shared.scattering[entry]);
+        sums[0] -= along.to_sun.iter().map(|(layer, s)| (extinction[*layer] - scattering[*layer]) * s).sum::<f64>();
+        let [by_sun, by_ground, sun_behind, ground_behind] = sums.map(f64::exp);
+        Source {
+            own: self.solar[entry] * by_sun + self.shining[entry] * by_ground,
+            behind: self.solar[entry] * sun_behind + self.shining[entry] * ground_behind,
+        }
     }
 
     /// The nodes about a direction of light near the ground, and their shares.
-    fn near(&self, towards_sensor: WorldDir) -> Vec<(&Near, f64)> {
+    fn near(&self, towards_sensor: WorldDir) -> Vec<(&Vec<Source>, f64)> {
         let x = towards_sensor.zenith() / PI * NEAR_ZENITHS as f64;
         let y = (towards_sensor.azimuth() - self.sun.apparent.azimuth()).rem_euclid(TAU) / TAU * NEAR_AZIMUTHS as f64;
         let (i, j) = ((x as usize).min(NEAR_ZENITHS - 1), y as usize % NEAR_AZIMUTHS);
@@ -656,7 +698,7 @@ impl ColumnSkyState {
             .collect()
     }
 
-    fn near_at(&self, i: usize, j: usize) -> Near {
+    fn near_at(&self, i: usize, j: usize) -> Vec<Source> {
         let shared = &*self.shared;
         let zenith = PI * i as f64 / NEAR_ZENITHS as f64;
         let azimuth = self.sun.apparent.azimuth() + TAU * j as f64 / NEAR_AZIMUTHS as f64;
@@ -666,19 +708,40 @@ impl ColumnSkyState {
         // A metre of the lowest layer.
         let crossed = [(shared.shells.heights.len() - 2, 1.0)];
         let of_columns = self.along(looks_down, towards, (0.0, 0.0), (f64::INFINITY, 1.0), &crossed);
-        let n = self.black.len();
-        let mut near = Near { source: Vec::with_capacity(n), behind: Vec::with_capacity(n) };
-        for (i, shares) in shared.shares.iter().enumerate() {
-            let mut sums = [0.0; 4];
-            for (place, share) in shares {
-                sums.iter_mut().zip(of_columns[*place]).for_each(|(sum, log)| *sum += share * log);
-            }
-            let [by_sun, by_ground, sun_behind, ground_behind] = sums.map(f64::exp);
-            near.source.push(self.solar[i] * by_sun + self.shining[i] * by_ground);
-            near.behind.push(self.solar[i] * sun_behind + self.shining[i] * ground_behind);
-        }
-        near
+        (0..self.black.len()).map(|entry| self.source(entry, &of_columns)).collect()
     }
+
+    /// L_u along a path, from its source: what it crosses of each layer \[m\], and its transmittance.
+    fn gathered(&self, entry: usize, crossed: &[(usize, f64)], transmittance: f64, source: &Source) -> f64 {
+        let through = |of: &[Vec<f64>]| crossed.iter().map(|(layer, s)| of[entry][*layer] * s).sum::<f64>();
+        let shared = &*self.shared;
+        let whole = through(&shared.extinction);
+        // Delta-M leaves in its direction what the peak turns a little: light from behind that τ₂ counts as lost.
+        let peak = ((through(&shared.peak) - whole).min(0.0).exp() - transmittance).max(0.0);
+        through(&shared.scattering) * mean_passed(whole) * source.own + peak * source.behind
+    }
+}
+
+/// What the columns of the ladder give along a path.
+struct Along {
+    /// By column, logarithms of the source of light by the sun and by a shining ground, and of the light behind the path by
+    /// either. Logarithms, for what absorbs more gathers less by orders of magnitude.
+    columns: Vec<[f64; 4]>,
+    /// From the middle of the path to the sun. What gases absorb there the source does not count: the entries have their own.
+    to_sun: Vec<(usize, f64)>,
+}
+
+/// Where the light of a path comes from.
+struct Source {
+    /// L_u over what scatters along it, each part by the mean of what passes.
+    own: f64,
+    /// Light from behind it.
+    behind: f64,
+}
+
+/// ∫₀¹ e^(−τ u) du.
+fn mean_passed(depth: f64) -> f64 {
+    if depth > 1e-6 { -(-depth).exp_m1() / depth } else { 1.0 }
 }
 
 impl SkyState for ColumnSkyState {
@@ -784,34 +847,15 @@ impl SkyState for ColumnSkyState {
         if near && (0..radiance.len()).all(|i| depth(i) < NEAR_DEPTH) {
             let nodes = self.near(path.towards_sensor);
             for (i, l) in radiance.iter_mut().enumerate() {
-                let along = |of: &[f64]| crossed.iter().map(|(layer, s)| of[*layer] * s).sum::<f64>();
-                let (mut source, mut behind) = (0.0, 0.0);
-                for (node, share) in &nodes {
-                    source += share * node.source[i];
-                    behind += share * node.behind[i];
-                }
-                let whole = along(&shared.extinction[i]);
-                // ∫ e^(−x) along the path, over its depth.
-                let mean = if whole > 1e-6 { (1.0 - transmittance[i]) / whole } else { 1.0 };
-                let peak = ((along(&shared.peak[i]) - whole).min(0.0).exp() - transmittance[i]).max(0.0);
-                *l = along(&shared.scattering[i]) * mean * source + peak * behind;
+                let mean = |of: fn(&Source) -> f64| nodes.iter().map(|(node, share)| share * of(&node[i])).sum::<f64>();
+                let source = Source { own: mean(|source| source.own), behind: mean(|source| source.behind) };
+                *l = self.gathered(i, &crossed, transmittance[i], &source);
             }
             return;
         }
         let of_columns = self.along(looks_down, towards, (low, high), (end, length), &crossed);
         for (i, l) in radiance.iter_mut().enumerate() {
-            let along = |of: &[f64]| crossed.iter().map(|(layer, s)| of[*layer] * s).sum::<f64>();
-            let scattering = along(&shared.scattering[i]);
-            let mut shares = [0.0; 4];
-            for (place, share) in &shared.shares[i] {
-                shares.iter_mut().zip(of_columns[*place]).for_each(|(sum, log)| *sum += share * log);
-            }
-            let [by_sun, by_ground, sun_behind, ground_behind] = shares.map(f64::exp);
-            // Delta-M leaves in its direction what the peak turns a little: light from behind that τ₂ counts as lost.
-            let whole = along(&shared.extinction[i]);
-            let peak = ((along(&shared.peak[i]) - whole).min(0.0).exp() - transmittance[i]).max(0.0);
-            *l = self.solar[i] * (scattering * by_sun + peak * sun_behind)
-                + self.shining[i] * (scattering * by_ground + peak * ground_behind);
+            *l = self.gathered(i, &crossed, transmittance[i], &self.source(i, &of_columns));
         }
     }
 }

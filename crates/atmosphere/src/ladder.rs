@@ -24,39 +24,50 @@ pub(crate) struct Ladder {
 /// Absorption in the column that says how layers are cut, so that they are thin for it too.
 const DENSEST: [f64; 2] = [0.3, 0.0];
 
-/// Distance of the wavelengths \[µm\].
-const SPACING: f64 = 0.02;
+/// Distance of the wavelengths in ln λ.
+const SPACING: f64 = 0.04;
+/// What a gas changes is known at every so many of them.
+const SPARSE: i64 = 6;
 /// Rungs lie at absorption optical depths a with ln(1 + a/`SOFT`) a multiple of this.
-const RUNG: f64 = 0.6;
+const RUNG: f64 = 0.8;
 const SOFT: f64 = 0.05;
 /// Less absorption than this is none: it changes the share of a direction by 1e-4.
 const NONE: f64 = 0.003;
 /// Beyond this depth nothing reaches the ground.
-const MOST: f64 = 200.0;
+const MOST: f64 = 25.0;
+/// The tables of gases end a little beyond these \[µm\].
+const SHORTEST: f64 = 0.387;
+const LONGEST: f64 = 1.038;
 /// Wavelength of the reference \[µm\].
 const REFERENCE: f64 = 0.55;
 
 impl Ladder {
     pub fn new(site: &Site, grid: &SpectralGrid) -> Self {
-        let mut known: HashMap<(i64, i64, i64), usize> = HashMap::new();
+        let mut known: HashMap<(i64, usize, usize), usize> = HashMap::new();
         let mut keys = Vec::new();
         let shares = (grid.entries().iter().zip(site.absorbed(grid)))
             .map(|(entry, absorbed)| {
                 let mut shares = Vec::new();
-                let [water, oxygen] = absorbed.map(rungs);
-                for (k, of_wavelength) in about(entry.wavelength.um() / SPACING) {
-                    for (i, of_water) in water {
-                        for (j, of_oxygen) in oxygen {
-                            let share = of_wavelength * of_water * of_oxygen;
-                            if share > 1e-12 {
-                                let place = *known.entry((k, i, j)).or_insert_with(|| {
-                                    keys.push((k, i, j));
-                                    keys.len() - 1
-                                });
-                                shares.push((place, share));
-                            }
-                        }
+                let mut add = |key: (i64, usize, usize), share: f64| {
+                    if share.abs() > 1e-12 {
+                        let place = *known.entry(key).or_insert_with(|| {
+                            keys.push(key);
+                            keys.len() - 1
+                        });
+                        shares.push((place, share));
                     }
+                };
+                let [water, oxygen] = absorbed.map(rungs);
+                let x = entry.wavelength.um().ln() / SPACING;
+                about(x).into_iter().for_each(|(k, share)| add((k, 0, 0), share));
+                for (k, of_wavelength) in about(x / SPARSE as f64) {
+                    let k = k * SPARSE;
+                    let mut add = |key: (i64, usize, usize), share: f64| {
+                        add(key, of_wavelength * share);
+                        add((k, 0, 0), -of_wavelength * share);
+                    };
+                    water.iter().for_each(|(i, share)| add((k, *i, 0), *share));
+                    oxygen.iter().for_each(|(j, share)| add((k, 0, *j), *share));
                 }
                 shares
             })
@@ -64,7 +75,7 @@ impl Ladder {
         let columns = (keys.iter())
             .map(|(k, i, j)| site.absorbing(wavelength(*k), [*i, *j].map(|rung| SOFT * (RUNG * rung as f64).exp_m1())))
             .collect();
-        let densest = vec![site.absorbing(wavelength(0), DENSEST)];
+        let densest = vec![site.absorbing(SHORTEST, DENSEST)];
         Self { columns, shares, reference: site.absorbing(REFERENCE, [0.0; 2]), densest }
     }
 
@@ -81,16 +92,23 @@ impl Ladder {
     }
 }
 
-/// A wavelength of the row \[µm\]; the tables of gases end a little beyond 0.385 and 1.039.
+/// A wavelength of the row \[µm\].
 fn wavelength(k: i64) -> f64 {
-    (k as f64 * SPACING).clamp(0.387, 1.038)
+    (k as f64 * SPACING).exp().clamp(SHORTEST, LONGEST)
 }
 
-fn rungs(absorbed: f64) -> [(i64, f64); 2] {
+/// Rungs but the lowest about an absorption optical depth, and their shares: a parabola before the second, a cubic beyond.
+fn rungs(absorbed: f64) -> Vec<(usize, f64)> {
     if absorbed < NONE {
-        return [(0, 1.0), (1, 0.0)];
+        return Vec::new();
     }
-    about((absorbed.min(MOST) / SOFT).ln_1p() / RUNG)
+    let x = (absorbed.min(MOST) / SOFT).ln_1p() / RUNG;
+    let about = if x < 1.0 { 0..3 } else { x as usize - 1..x as usize + 3 };
+    let share = |k: usize| -> f64 {
+        let others = about.clone().filter(|j| *j != k);
+        others.map(|j| (x - j as f64) / (k as f64 - j as f64)).product()
+    };
+    about.clone().filter(|k| *k > 0).map(|k| (k, share(k))).collect()
 }
 
 /// The whole numbers about x and their shares.

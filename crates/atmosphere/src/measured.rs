@@ -720,22 +720,7 @@ mod tests {
     }
 
     fn sky(measured: &Measured, sun: Sun) -> Box<dyn SkyState> {
-        let column = Column {
-            profile: "us_standard".into(),
-            sounding: None,
-            clouds: Vec::new(),
-            elevation: 0.0,
-            pressure: None,
-            temperature: None,
-            humidity: None,
-            water: None,
-            ozone: None,
-            no2: None,
-            visibility: None,
-            aod: None,
-            aerosol: None,
-            ground_albedo: vec![0.0; 2],
-        };
+        let column = Column { ground_albedo: vec![0.0; 2], ..Column::default() };
         measured.solve(&column, &[sun], &grid(), &Needs::default()).unwrap().remove(0)
     }
 

@@ -552,22 +552,7 @@ mod tests {
     }
 
     fn column(albedo: f64, grid: &SpectralGrid) -> Column {
-        Column {
-            profile: "us_standard".to_string(),
-            sounding: None,
-            clouds: Vec::new(),
-            elevation: 168.0,
-            pressure: None,
-            temperature: None,
-            humidity: None,
-            water: None,
-            ozone: None,
-            no2: None,
-            visibility: None,
-            aod: None,
-            aerosol: None,
-            ground_albedo: vec![albedo; grid.len()],
-        }
+        Column { elevation: 168.0, ground_albedo: vec![albedo; grid.len()], ..Column::default() }
     }
 
     fn provider(sky: Distribution) -> Spectrl2 {

@@ -465,22 +465,7 @@ mod tests {
     use sunglint_radiometry::Bin;
 
     fn column() -> Column {
-        Column {
-            profile: "us_standard".to_string(),
-            sounding: None,
-            clouds: Vec::new(),
-            elevation: 0.0,
-            pressure: None,
-            temperature: None,
-            humidity: None,
-            water: None,
-            ozone: None,
-            no2: None,
-            visibility: None,
-            aod: None,
-            aerosol: None,
-            ground_albedo: Vec::new(),
-        }
+        Column { ..Column::default() }
     }
 
     /// 5 nm from 0.4 to 1 µm, with the terms of the gases.

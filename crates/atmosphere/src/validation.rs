@@ -114,19 +114,9 @@ fn column(profile: &str, visibility_km: f64, cloud: bool) -> Column {
     let cloud = cloud.then_some(Cloud { optical_depth: 10.0, base: 1000.0, top: 2000.0 });
     Column {
         profile: profile.to_string(),
-        sounding: None,
         clouds: cloud.into_iter().collect(),
-        elevation: 0.0,
-        pressure: None,
-        temperature: None,
-        humidity: None,
-        water: None,
-        ozone: None,
-        no2: None,
         visibility: Some(1e3 * visibility_km),
-        aod: None,
-        aerosol: None,
-        ground_albedo: Vec::new(),
+        ..Column::default()
     }
 }
 

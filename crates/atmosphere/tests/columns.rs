@@ -22,22 +22,7 @@ fn grid(from_nm: u32, to_nm: u32, provider: &Arc<dyn Atmosphere>) -> SpectralGri
 }
 
 fn column(grid: &SpectralGrid) -> Column {
-    Column {
-        profile: "midlatitude_summer".to_string(),
-        sounding: None,
-        clouds: Vec::new(),
-        elevation: 0.0,
-        pressure: None,
-        temperature: None,
-        humidity: None,
-        water: None,
-        ozone: None,
-        no2: None,
-        visibility: None,
-        aod: None,
-        aerosol: None,
-        ground_albedo: vec![0.2; grid.len()],
-    }
+    Column { profile: "midlatitude_summer".to_string(), ground_albedo: vec![0.2; grid.len()], ..Column::default() }
 }
 
 const ALL: Needs =

@@ -47,22 +47,7 @@ fn fault(given: &[(&str, &str)]) -> BindError {
 }
 
 fn solve_for(provider: &Arc<dyn Atmosphere>, sun: Sun, needs: Needs) -> Result<Box<dyn SkyState>, AtmosphereError> {
-    let column = Column {
-        profile: "us_standard".to_string(),
-        sounding: None,
-        clouds: Vec::new(),
-        elevation: 0.0,
-        pressure: None,
-        temperature: None,
-        humidity: None,
-        water: None,
-        ozone: None,
-        no2: None,
-        visibility: None,
-        aod: None,
-        aerosol: None,
-        ground_albedo: vec![0.0; grid().len()],
-    };
+    let column = Column { ground_albedo: vec![0.0; grid().len()], ..Column::default() };
     Ok(provider.solve(&column, &[sun], &grid(), &needs)?.remove(0))
 }
 

@@ -39,22 +39,7 @@ fn layers(text: &str, streams: u64, more: Vec<(&str, Value)>) -> Arc<dyn Atmosph
 }
 
 fn column(albedo: f64, grid: &SpectralGrid) -> Column {
-    Column {
-        profile: "us_standard".to_string(),
-        sounding: None,
-        clouds: Vec::new(),
-        elevation: 0.0,
-        pressure: None,
-        temperature: None,
-        humidity: None,
-        water: None,
-        ozone: None,
-        no2: None,
-        visibility: None,
-        aod: None,
-        aerosol: None,
-        ground_albedo: vec![albedo; grid.len()],
-    }
+    Column { ground_albedo: vec![albedo; grid.len()], ..Column::default() }
 }
 
 fn solve(provider: &Arc<dyn Atmosphere>, albedo: f64, mu0: f64) -> Box<dyn SkyState> {

@@ -30,22 +30,7 @@ fn grid() -> SpectralGrid {
 }
 
 fn column() -> Column {
-    Column {
-        profile: "us_standard".to_string(),
-        sounding: None,
-        clouds: Vec::new(),
-        elevation: 0.0,
-        pressure: None,
-        temperature: None,
-        humidity: None,
-        water: None,
-        ozone: None,
-        no2: None,
-        visibility: None,
-        aod: None,
-        aerosol: None,
-        ground_albedo: vec![0.0; grid().len()],
-    }
+    Column { ground_albedo: vec![0.0; grid().len()], ..Column::default() }
 }
 
 fn solve(provider: &Arc<dyn Atmosphere>, sun: Sun) -> Result<Box<dyn SkyState>, AtmosphereError> {

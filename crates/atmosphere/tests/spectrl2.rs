@@ -81,22 +81,7 @@ fn inputs() -> Spectrl2Inputs {
 }
 
 fn column(grid: &SpectralGrid) -> Column {
-    Column {
-        profile: "us_standard".to_string(),
-        sounding: None,
-        clouds: Vec::new(),
-        elevation: 0.0,
-        pressure: None,
-        temperature: None,
-        humidity: None,
-        water: None,
-        ozone: None,
-        no2: None,
-        visibility: None,
-        aod: None,
-        aerosol: None,
-        ground_albedo: vec![0.2; grid.len()],
-    }
+    Column { ground_albedo: vec![0.2; grid.len()], ..Column::default() }
 }
 
 fn all() -> Needs {
@@ -136,19 +121,16 @@ fn no_air_and_no_sun_makes_light_or_nonsense() {
         let albedo = draw.within(0.0, 0.9);
         let air = Column {
             profile: profiles[case % 6].to_string(),
-            sounding: None,
-            clouds: Vec::new(),
             elevation: draw.within(-430.0, 8000.0),
             pressure: draw.maybe(300.0, 1080.0),
             temperature: draw.maybe(220.0, 325.0),
             humidity: draw.maybe(0.0, 1.0),
             water: draw.maybe(0.0, 7.0),
             ozone: draw.maybe(0.1, 0.6),
-            no2: None,
             visibility: draw.maybe(1.0, 13.0).map(|e| 50.0 * e.exp()), // 136 m to 22 000 km
             aod: draw.maybe(0.0, 3.0),
-            aerosol: None,
             ground_albedo: vec![albedo; grid.len()],
+            ..Column::default()
         };
         let mut suns: Vec<Sun> = (0..4).map(|_| Sun::at(draw.within(0.0, 2.0), draw.within(0.0, 6.2))).collect();
         suns.extend([0.0, 1.55, PI / 2.0 - 1e-5, PI / 2.0, 1.5709, 3.1].map(|zenith| Sun::at(zenith, 1.0)));

@@ -126,22 +126,7 @@ pub fn violations(seed: u64) -> Vec<String> {
         ("solar_irradiance", Value::Spectrum(SpectralValue::Constant(1.0))),
     ];
     let args = Args::new(&model.info, given.into_iter().map(|(name, value)| (name.to_string(), value)));
-    let column = Column {
-        profile: "us_standard".to_string(),
-        sounding: None,
-        clouds: Vec::new(),
-        elevation: 0.0,
-        pressure: None,
-        temperature: None,
-        humidity: None,
-        water: None,
-        ozone: None,
-        no2: None,
-        visibility: None,
-        aod: None,
-        aerosol: None,
-        ground_albedo: vec![albedo; grid.len()],
-    };
+    let column = Column { ground_albedo: vec![albedo; grid.len()], ..Column::default() };
     let needs =
         Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true, path_heights: None };
     let provider = match (model.bind)(&args, &grid) {
