@@ -20,8 +20,8 @@ use sunglint_radiometry::{Irradiance, Radiance, Spectrum, Transmittance, WorldDi
 use crate::ladder::Ladder;
 use crate::medium::{Layer, Medium, Strata};
 use crate::radiance::{
-    Fan, FieldSuns, Gathered, Lattice, Look, Optics, Projected, Sight, SunDepths, SunRays, Weighed, gather,
-    gather_ground, solve_entry,
+    Fan, FieldSuns, Gathered, Lattice, Look, Optics, Projected, Sight, SunDepths, SunRays, Weighed, arriving_at,
+    gather, gather_ground, solve_entry,
 };
 use crate::ray::Shells;
 use crate::solver::{Field, Solution};
@@ -86,7 +86,7 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
         ladder.columns.par_iter().map(|medium| Optics::in_parts(medium, &shells, settings.streams, &parts)).collect();
     let places: Vec<usize> = optics.iter().map(|optics| lattices.of(&shells, optics, &zeniths)).collect();
     let solved: Vec<Solution> = (optics.par_iter().zip(&places))
-        .map(|(optics, place)| solve_entry(optics, &lattices.fields[*place], false, settings.accuracy))
+        .map(|(optics, place)| solve_entry(optics, &lattices.fields[*place], settings.accuracy))
         .collect();
     let columns: Vec<Column> = (optics.into_iter().zip(&places).zip(solved))
         .map(|((optics, place), solution)| Column { optics, lattice: *place, solution })
@@ -212,15 +212,14 @@ fn fluxes(media: &[Medium], shells: &Shells, zeniths: &[f64], settings: &Setting
     let first = Optics::new(&media[0], shells, streams, true);
     let lattice = Lattice::new(shells, &first);
     let suns = FieldSuns::new(shells, &lattice, zeniths, true);
-    let last = |field: &Field| field.down.last().copied().unwrap_or(0.0);
     (media.par_iter())
         .map(|medium| {
             let optics = Optics::new(medium, shells, streams, true);
-            let solution = solve_entry(&optics, &suns, true, settings.accuracy);
+            let arriving = arriving_at(&optics, &suns);
             Fluxes {
-                down: solution.beams.iter().map(last).collect(),
+                down: arriving.beams,
                 direct: suns.to_ground(&optics),
-                returned: last(&solution.ground) / PI,
+                returned: arriving.ground / PI,
                 peak: optics.extinction.iter().zip(&optics.scaled).map(|(all, scaled)| all - scaled).collect(),
             }
         })
@@ -321,7 +320,7 @@ impl Nodes {
                             fields.ground_flux(&solution.beams, i, sun.zenith) + sun.zenith.cos().max(0.0) * direct
                         })
                         .collect(),
-                    returned: solution.ground.down.last().copied().unwrap_or(0.0) / PI,
+                    returned: solution.ground.arrives / PI,
                 };
                 let mut projected = vec![Projected::default(); solution.beams.len()];
                 for (j, (sight, fans)) in rays[column.lattice].iter().enumerate() {
@@ -390,7 +389,7 @@ impl Shape {
         let mut lattices = Lattices::default();
         lattices.of(shells, &optics, zeniths);
         let (lattice, fields) = (&lattices.lattices[0], &lattices.fields[0]);
-        let solution = solve_entry(&optics, fields, false, settings.accuracy);
+        let solution = solve_entry(&optics, fields, settings.accuracy);
         let all = (shells.top(), f64::INFINITY);
         let rays: Vec<(f64, Sight, Weighed, Vec<Projected>)> = (0..=Self::STEPS)
             .into_par_iter()
@@ -453,12 +452,35 @@ impl Shape {
     }
 }
 
-/// Π valueˢʰᵃʳᵉ, the shares adding up to 1; their sum where a value is not positive.
-fn geometric(values: impl Iterator<Item = (f64, f64)> + Clone) -> f64 {
-    if values.clone().all(|(value, _)| value > 1e-290) {
-        return values.map(|(value, share)| share * value.ln()).sum::<f64>().exp();
+/// What a column gives at the nodes, and its logarithms: columns are mixed as Π valueˢʰᵃʳᵉ, as a sum where a value is not
+/// positive.
+struct Shares {
+    values: Vec<f64>,
+    /// NaN where a value is not positive.
+    logs: Vec<f64>,
+}
+
+impl Shares {
+    fn new(values: impl Iterator<Item = f64>) -> Self {
+        let values: Vec<f64> = values.collect();
+        let logs = values.iter().map(|value| if *value > 1e-290 { value.ln() } else { f64::NAN }).collect();
+        Self { values, logs }
     }
-    values.map(|(value, share)| share * value).sum()
+
+    /// Columns mixed by shares that add up to 1.
+    fn mixed(columns: &[Self], shares: &[(usize, f64)], out: &mut Vec<f64>) {
+        out.clear();
+        out.resize(columns[0].logs.len(), 0.0);
+        for (c, share) in shares {
+            out.iter_mut().zip(&columns[*c].logs).for_each(|(sum, log)| *sum += share * log);
+        }
+        for (node, value) in out.iter_mut().enumerate() {
+            *value = match value.is_nan() {
+                true => shares.iter().map(|(c, share)| share * columns[*c].values[node]).sum(),
+                false => value.exp(),
+            };
+        }
+    }
 }
 
 /// A broken line through values at whole numbers.
@@ -556,21 +578,23 @@ impl ColumnSkyState {
         let parts = if peaked { 2 } else { 1 };
         let mut terms = vec![Vec::with_capacity(self.black.len()); parts * nodes.len()];
         let per = |x: f64| if x > 1e-200 { 1.0 / x } else { 0.0 };
-        let inverse: Vec<(f64, f64)> = skies.iter().map(|sky| (per(sky.black[place]), per(sky.returned))).collect();
+        // L/E_d and L_g-light/S of the columns: by the sun at every node, part by part; by the ground at every zenith angle.
+        let by_sun: Vec<Shares> = (skies.iter())
+            .map(|sky| Shares::new(sky.by_sun[place].iter().flatten().map(|l| l * per(sky.black[place]))))
+            .collect();
+        let by_ground: Vec<Shares> =
+            skies.iter().map(|sky| Shares::new(sky.by_ground.iter().map(|l| l * per(sky.returned)))).collect();
+        let (mut of_sun, mut of_ground) = (Vec::new(), Vec::new());
         for (i, shares) in self.shared.shares.iter().enumerate() {
+            Shares::mixed(&by_sun, shares, &mut of_sun);
+            Shares::mixed(&by_ground, shares, &mut of_ground);
             let (sun, ground) = (self.solar[i] * self.black[i], self.shining[i] * fluxes[i].returned);
-            for j in 0..nodes.zeniths.len() {
-                let of_column = |c: usize| skies[c].by_ground[j] * inverse[c].1;
-                let from_ground = ground * geometric(shares.iter().map(|(c, share)| (of_column(*c), *share)));
+            for (j, from_ground) in of_ground.iter().enumerate() {
                 for k in 0..nodes.ring(j).len() {
                     let node = nodes.index(j, k);
-                    let own = |part: usize| {
-                        let of_column = |c: usize| skies[c].by_sun[place][node][part] * inverse[c].0;
-                        sun * geometric(shares.iter().map(|(c, share)| (of_column(*c), *share)))
-                    };
-                    terms[node].push(own(0) + from_ground);
+                    terms[node].push(sun * of_sun[2 * node] + ground * from_ground);
                     if peaked {
-                        terms[nodes.len() + node].push(own(1));
+                        terms[nodes.len() + node].push(sun * of_sun[2 * node + 1]);
                     }
                 }
             }

@@ -24,7 +24,7 @@ use std::sync::Arc;
 use crate::medium::Medium;
 use crate::phase::Phase;
 use crate::ray::{Shells, Stretch};
-use crate::solver::{Beam, Field, STREAMS, Scaled, Solution, normalised, solve};
+use crate::solver::{Arriving, Beam, Field, STREAMS, Scaled, Solution, arriving, normalised, solve};
 
 /// A column at one entry, as the solver and the line of sight take it.
 #[derive(Clone, Debug)]
@@ -444,8 +444,7 @@ impl FieldSuns {
     /// The diffuse irradiance at the ground of a sun of the site itself.
     pub fn ground_flux(&self, fields: &[Field], index: usize, zenith: f64) -> f64 {
         let (from, shares) = self.shares(index, zenith, 0.0);
-        let last = |field: &Field| field.down.last().copied().unwrap_or(0.0);
-        fields[from..].iter().zip(shares).map(|(field, share)| share * last(field)).sum::<f64>().max(0.0)
+        fields[from..].iter().zip(shares).map(|(field, share)| share * field.arrives).sum::<f64>().max(0.0)
     }
 
     /// The field of a sun of the site itself, from those that were solved.
@@ -990,8 +989,13 @@ fn falling_moments(depth: f64) -> [f64; 3] {
 }
 
 /// Solves a column at one entry: the fields of some suns, and of a shining ground.
-pub(crate) fn solve_entry(optics: &Optics, suns: &FieldSuns, fluxes_only: bool, accuracy: f64) -> Solution {
-    solve(optics.streams, &optics.layers, &suns.beams(optics), fluxes_only, accuracy)
+pub(crate) fn solve_entry(optics: &Optics, suns: &FieldSuns, accuracy: f64) -> Solution {
+    solve(optics.streams, &optics.layers, &suns.beams(optics), accuracy)
+}
+
+/// The irradiances at the ground alone.
+pub(crate) fn arriving_at(optics: &Optics, suns: &FieldSuns) -> Arriving {
+    arriving(optics.streams, &optics.layers, &suns.beams(optics))
 }
 
 /// The streams that serve a number asked for: the next that the solver has.
@@ -1018,14 +1022,14 @@ impl Probe {
         let lattice = Lattice::new(&shells, &optics);
         let rays = SunRays::new(&shells, &lattice, sun);
         let fields = FieldSuns::new(&shells, &lattice, &[sun], false);
-        let solution = solve_entry(&optics, &fields, false, accuracy);
+        let solution = solve_entry(&optics, &fields, accuracy);
         Self { depths: rays.depths(&optics), shells, optics, lattice, rays, fields, solution }
     }
 
     /// T′ of the beam, E_d over a black ground as the solver has it, and S.
     pub fn fluxes(&self) -> (f64, f64, f64) {
         let down = self.fields.ground_flux(&self.solution.beams, 0, self.rays.zenith);
-        (self.rays.to_ground(&self.optics.scaled), down, self.solution.ground.down.last().unwrap() / PI)
+        (self.rays.to_ground(&self.optics.scaled), down, self.solution.ground.arrives / PI)
     }
 
     /// Light of the sun, `azimuth` from that of the rising ray, gathered along a ray of this zenith angle at the ground; that

@@ -14,10 +14,12 @@
 //! "Even" and "odd" are the parities of l + m. Nothing grows with depth, ω = 1 is no exception (k = 0 is the limit of every
 //! function here), and no term of it depends on the sun.
 
+use std::f64::consts::PI;
+
 use super::matrix::{
     Eigen, Matrix, Sizes, Vector, apply_transposed, cholesky, inverse_definite, inverse_lower, product, transpose,
 };
-use super::quadrature::Order;
+use super::quadrature::{Moments, Order};
 
 /// A layer at one order.
 pub(super) enum Operator<const N: usize> {
@@ -29,34 +31,47 @@ pub(super) enum Operator<const N: usize> {
 
 /// Operators of a layer that scatters.
 pub(super) struct Slab<const N: usize> {
-    /// (1 + D_s)⁻¹.
-    even: Matrix<N>,
-    /// (1 + D_a)⁻¹.
-    odd: Matrix<N>,
     pub reflection: Matrix<N>,
     pub transmission: Matrix<N>,
-    f: Matrix<N>,
-    g: Matrix<N>,
-    /// Fᵀ and Gᵀ.
-    ft: Matrix<N>,
-    gt: Matrix<N>,
-    modes: [Mode; N],
+    pub g: Matrix<N>,
+    /// c_l from ξ and η.
+    pub moments: Moments<N>,
+    /// −(2 − δ_m0)/4π … of a beam by its Λ_l: α from even l + m, β from odd ones.
+    to_alpha: Matrix<N>,
+    to_beta: Matrix<N>,
+    /// ½ (1 + D_s)⁻¹ G and ½ (1 + D_a)⁻¹ G, transposed.
+    even: Matrix<N>,
+    odd: Matrix<N>,
+    modes: Modes<N>,
     depth: f64,
 }
 
-/// One eigenvalue and its functions of the layer's depth Δ = 2h.
-#[derive(Clone, Copy, Debug, Default)]
-struct Mode {
+/// α and β of a beam of transmittance 1.
+#[derive(Clone, Copy)]
+pub(super) struct Source<const N: usize> {
+    alpha: Vector<N>,
+    beta: Vector<N>,
+}
+
+impl<const N: usize> Default for Source<N> {
+    fn default() -> Self {
+        Self { alpha: [0.0; N], beta: [0.0; N] }
+    }
+}
+
+/// The eigenvalues and their functions of the layer's depth Δ = 2h.
+#[derive(Clone, Copy, Debug)]
+struct Modes<const N: usize> {
     /// (kΔ)².
-    z: f64,
+    z: Vector<N>,
     /// kΔ coth kΔ.
-    coth: f64,
+    coth: Vector<N>,
     /// kΔ / sinh kΔ.
-    csch: f64,
+    csch: Vector<N>,
     /// 1 / cosh kh.
-    sech_half: f64,
+    sech_half: Vector<N>,
     /// kh / sinh kh.
-    csch_half: f64,
+    csch_half: Vector<N>,
 }
 
 /// Below this depth a layer that should scatter is taken as clear.
@@ -67,6 +82,7 @@ where
     Sizes: Eigen<N>,
 {
     /// From c_l, l = 0, 1, …, and the depth Δ.
+    #[inline(always)]
     pub fn new(order: &Order<N>, coupling: &[f64], depth: f64) -> Self {
         let scatters = coupling.iter().skip(order.m).any(|c| c.abs() * depth.min(1.0) > THINNEST);
         if !scatters || depth < THINNEST {
@@ -90,20 +106,10 @@ where
         let (squares, u) = Sizes::eigen(&product(&lt, &product(&a, &l)));
         let f = product(&l, &u);
         let g = product(&transpose(&inverse_lower(&l)), &u);
-        let modes = squares.map(|k2| Mode::new(k2.max(0.0).sqrt() * depth));
+        let modes = Modes::new(&squares, depth);
         let gt = transpose(&g);
-        let function = |of: fn(&Mode) -> f64| {
-            let mut scaled = gt;
-            for (row, mode) in scaled.iter_mut().zip(&modes) {
-                let value = of(mode) / depth;
-                row.iter_mut().for_each(|x| *x *= value);
-            }
-            let mut d = product(&g, &scaled);
-            (0..N).for_each(|i| d[i][i] += 1.0);
-            inverse_definite(&d)
-        };
-        let even = function(Mode::tanh_half);
-        let odd = function(Mode::coth_half);
+        let even = function(&g, &gt, &modes.tanh_half(), depth);
+        let odd = function(&g, &gt, &modes.coth_half(), depth);
         let (mut reflection, mut transmission) = ([[0.0; N]; N], [[0.0; N]; N]);
         for i in 0..N {
             for j in 0..N {
@@ -112,19 +118,47 @@ where
             }
             reflection[i][i] -= 1.0;
         }
+        let factor = if order.m == 0 { -0.5 / PI } else { -1.0 / PI };
+        let mut to = [[[0.0; N]; N]; 2];
+        let mut of_modes = Vec::with_capacity(order.scaled.len()); // Fᵀ u_l or Gᵀ u_l
+        for (k, (scaled, c)) in order.scaled.iter().zip(&coupling[order.m..]).enumerate() {
+            let row = apply_transposed(if k % 2 == 0 { &f } else { &g }, scaled);
+            let c = factor * c;
+            to[k % 2][k / 2].iter_mut().zip(&row).for_each(|(to, p)| *to = c * p);
+            of_modes.push(row);
+        }
+        let [to_alpha, to_beta] = to;
+        let halved = |inverse: &Matrix<N>| {
+            let mut out = product(&gt, inverse);
+            out.iter_mut().flatten().for_each(|x| *x *= 0.5);
+            out
+        };
         Self::Scattering(Box::new(Slab {
-            even,
-            odd,
             reflection,
             transmission,
-            ft: transpose(&f),
-            f,
             g,
-            gt,
+            moments: Moments::new(&of_modes),
+            to_alpha,
+            to_beta,
+            even: halved(&even),
+            odd: halved(&odd),
             modes,
             depth,
         }))
     }
+}
+
+/// (1 + G [values/Δ] Gᵀ)⁻¹.
+#[inline(always)]
+fn function<const N: usize>(g: &Matrix<N>, gt: &Matrix<N>, values: &Vector<N>, depth: f64) -> Matrix<N> {
+    let mut scaled = *gt;
+    for (row, value) in scaled.iter_mut().zip(values) {
+        let value = value / depth;
+        row.iter_mut().for_each(|x| *x *= value);
+    }
+    let mut d = product(g, &scaled);
+    (0..N).for_each(|i| d[i][i] += 1.0);
+    inverse_definite(&d)
 }
 
 /// What a beam leaves in a layer that no other light enters: what comes out above and below, and the modes inside.
@@ -138,165 +172,273 @@ pub(super) struct Lit<const N: usize> {
     eta: Vector<N>,
 }
 
+/// What y that a lone layer would have at its edges counts for, mode by mode: above and below.
+pub(super) struct Worth<const N: usize> {
+    top: Vector<N>,
+    bottom: Vector<N>,
+}
+
 impl<const N: usize> Slab<N> {
-    /// The sources of a beam of transmittance `top` at the upper edge and `bottom` at the lower: `a` and `b` are those of a
-    /// beam of transmittance 1.
-    pub fn lit(&self, a: &Vector<N>, b: &Vector<N>, top: f64, bottom: f64) -> Lit<N> {
-        let alpha = apply_transposed(&self.f, a);
-        let beta = apply_transposed(&self.g, b);
-        // e^(−λ s) between the edges; a beam that all but ends within the layer keeps a finite λ.
-        let fall = (bottom / top).max(1e-300);
-        let x = -fall.ln();
-        let lambda = x / self.depth;
-        let half = fall.sqrt();
-        let (mut top_flux, mut bottom_flux, mut xi, mut eta) = ([0.0; N], [0.0; N], [0.0; N], [0.0; N]);
-        for j in 0..N {
-            let source = top * (alpha[j] - lambda * beta[j]);
-            let response = self.modes[j].response(x, fall, half);
-            top_flux[j] = source * self.depth * response.top - top * beta[j];
-            bottom_flux[j] = source * self.depth * response.bottom - top * fall * beta[j];
-            xi[j] = source * self.depth * self.depth * response.middle;
-            eta[j] = source * self.depth * response.middle_slope - top * half * beta[j];
+    /// Of a beam of these Λ_l, even and odd.
+    #[inline(always)]
+    pub fn source(&self, toward: &[Vector<N>; 2]) -> Source<N> {
+        Source {
+            alpha: apply_transposed(&self.to_alpha, &toward[0]),
+            beta: apply_transposed(&self.to_beta, &toward[1]),
         }
-        let (above, below) = (apply_transposed(&self.gt, &top_flux), apply_transposed(&self.gt, &bottom_flux));
+    }
+
+    /// The sources of a beam of transmittance `top` at the upper edge and `bottom` at the lower.
+    #[inline(always)]
+    pub fn lit(&self, source: &Source<N>, top: f64, bottom: f64) -> Lit<N> {
+        let Source { alpha, beta } = source;
+        let fall = Fall::new(top, bottom);
+        let lambda = fall.depth / self.depth;
+        let response = self.modes.response(&fall);
         // The light that has to enter so that none does: half of y above, minus half of it below.
-        let (mut sum, mut difference) = ([0.0; N], [0.0; N]);
-        for i in 0..N {
-            sum[i] = 0.5 * (above[i] - below[i]);
-            difference[i] = 0.5 * (above[i] + below[i]);
+        let (mut sum, mut difference, mut xi, mut eta) = ([0.0; N], [0.0; N], [0.0; N], [0.0; N]);
+        for j in 0..N {
+            let source = top * (alpha[j] - lambda * beta[j]) * self.depth;
+            let above = source * response.top[j] - top * beta[j];
+            let below = source * response.bottom[j] - top * fall.whole * beta[j];
+            (sum[j], difference[j]) = (above - below, above + below);
+            xi[j] = source * self.depth * response.middle[j];
+            eta[j] = source * response.middle_slope[j] - top * fall.half * beta[j];
         }
         let (even, odd) = (apply_transposed(&self.even, &sum), apply_transposed(&self.odd, &difference));
         let (mut up, mut down) = ([0.0; N], [0.0; N]);
         for i in 0..N {
-            up[i] = even[i] + odd[i];
-            down[i] = even[i] - odd[i];
+            (up[i], down[i]) = (even[i] + odd[i], even[i] - odd[i]);
         }
         Lit { up, down, xi, eta }
     }
 
-    /// x and y in the middle of the layer, from x at its edges and what a beam adds.
-    pub fn middle(&self, above: &Vector<N>, below: &Vector<N>, lit: Option<&Lit<N>>) -> (Vector<N>, Vector<N>) {
-        let (above, below) = (apply_transposed(&self.g, above), apply_transposed(&self.g, below));
-        let (mut xi, mut eta) = lit.map_or(([0.0; N], [0.0; N]), |lit| (lit.xi, lit.eta));
-        for (j, mode) in self.modes.iter().enumerate() {
-            xi[j] += 0.5 * mode.sech_half * (above[j] + below[j]);
-            eta[j] += mode.csch_half * (below[j] - above[j]) / self.depth;
+    /// What the layer's own light counts for, where that upwards at its top counts `up` and that downwards below `down`.
+    #[inline(always)]
+    pub fn worth(&self, up: &Vector<N>, down: &Vector<N>) -> Worth<N> {
+        let (mut top, mut bottom) = ([0.0; N], [0.0; N]);
+        for j in 0..N {
+            let (mut even, mut odd) = (0.0, 0.0);
+            for i in 0..N {
+                even += self.even[j][i] * (up[i] + down[i]);
+                odd += self.odd[j][i] * (up[i] - down[i]);
+            }
+            (top[j], bottom[j]) = (even + odd, odd - even);
         }
-        (apply_transposed(&self.ft, &xi), apply_transposed(&self.gt, &eta))
+        Worth { top, bottom }
+    }
+
+    /// That of a beam.
+    #[inline(always)]
+    pub fn lit_worth(&self, worth: &Worth<N>, source: &Source<N>, top: f64, bottom: f64) -> f64 {
+        let Source { alpha, beta } = source;
+        let fall = Fall::new(top, bottom);
+        let lambda = fall.depth / self.depth;
+        let response = self.modes.response(&fall);
+        let mut sums = [0.0; N];
+        for j in 0..N {
+            let source = (alpha[j] - lambda * beta[j]) * self.depth;
+            let above = source * response.top[j] - beta[j];
+            let below = source * response.bottom[j] - fall.whole * beta[j];
+            sums[j] = above * worth.top[j] + below * worth.bottom[j];
+        }
+        top * sums.iter().sum::<f64>()
+    }
+
+    /// ξ and η in the middle of the layer, from Gᵀ x at its edges and what a beam adds.
+    #[inline(always)]
+    pub fn middle(&self, above: &Vector<N>, below: &Vector<N>, lit: Option<&Lit<N>>) -> (Vector<N>, Vector<N>) {
+        let (mut xi, mut eta) = lit.map_or(([0.0; N], [0.0; N]), |lit| (lit.xi, lit.eta));
+        for j in 0..N {
+            xi[j] += 0.5 * self.modes.sech_half[j] * (above[j] + below[j]);
+            eta[j] += self.modes.csch_half[j] * (below[j] - above[j]) / self.depth;
+        }
+        (xi, eta)
     }
 }
 
-/// ξ of one mode with ξ = 0 at both edges under a source f e^(−λs), over f and powers of the depth: ξ′ at the edges, ξ and
-/// ξ′ in the middle.
-struct Response {
-    top: f64,
-    bottom: f64,
-    middle: f64,
-    middle_slope: f64,
+/// How a beam falls over a layer: as e^(−x s), s = 0 … 1.
+struct Fall {
+    /// x.
+    depth: f64,
+    /// e^(−x) and e^(−x/2).
+    whole: f64,
+    half: f64,
 }
 
-impl Mode {
-    /// From kΔ.
-    fn new(k: f64) -> Self {
-        let z = k * k;
-        if k < 1e-3 {
-            return Self {
-                z,
-                coth: 1.0 + z / 3.0 - z * z / 45.0,
-                csch: 1.0 - z / 6.0 + 7.0 * z * z / 360.0,
-                sech_half: 1.0 - z / 8.0 + 5.0 * z * z / 384.0,
-                csch_half: 1.0 - z / 24.0 + 7.0 * z * z / 5760.0,
+impl Fall {
+    #[inline(always)]
+    fn new(top: f64, bottom: f64) -> Self {
+        // A beam that all but ends within the layer keeps a finite x.
+        let whole = (bottom / top).max(1e-300);
+        Self { depth: -whole.ln(), whole, half: whole.sqrt() }
+    }
+}
+
+/// ξ of each mode with ξ = 0 at both edges under a source f e^(−xs), over f and powers of the depth: ξ′ at the edges, ξ and
+/// ξ′ in the middle.
+struct Response<const N: usize> {
+    top: Vector<N>,
+    bottom: Vector<N>,
+    middle: Vector<N>,
+    middle_slope: Vector<N>,
+}
+
+/// Where kΔ and x are smaller, their power series serve.
+const THIN: (f64, f64) = (0.5, 0.5);
+/// Where x² and (kΔ)² differ by a smaller share of either, the beam falls as the mode does.
+const RESONANT: f64 = 2e-5;
+
+/// 1/n!.
+const INVERSE_FACTORIALS: [f64; 20] = {
+    let mut values = [1.0; 20];
+    let mut n = 1;
+    while n < 20 {
+        values[n] = values[n - 1] / n as f64;
+        n += 1;
+    }
+    values
+};
+
+impl<const N: usize> Modes<N> {
+    /// From k².
+    fn new(squares: &Vector<N>, depth: f64) -> Self {
+        let nothing = [0.0; N];
+        let mut modes = Self { z: nothing, coth: nothing, csch: nothing, sech_half: nothing, csch_half: nothing };
+        for j in 0..N {
+            let k = squares[j].max(0.0).sqrt() * depth;
+            let z = k * k;
+            let (e, half) = ((-k).exp(), (-0.5 * k).exp());
+            let [coth, csch, sech_half, csch_half] = match k < 1e-3 {
+                true => [
+                    1.0 + z / 3.0 - z * z / 45.0,
+                    1.0 - z / 6.0 + 7.0 * z * z / 360.0,
+                    1.0 - z / 8.0 + 5.0 * z * z / 384.0,
+                    1.0 - z / 24.0 + 7.0 * z * z / 5760.0,
+                ],
+                false => [
+                    k * (1.0 + e * e) / (1.0 - e * e),
+                    2.0 * k * e / (1.0 - e * e),
+                    2.0 * half / (1.0 + e),
+                    k * half / (1.0 - e),
+                ],
             };
+            (modes.z[j], modes.coth[j], modes.csch[j]) = (z, coth, csch);
+            (modes.sech_half[j], modes.csch_half[j]) = (sech_half, csch_half);
         }
-        let (e, half) = ((-k).exp(), (-0.5 * k).exp());
-        Self {
-            z,
-            coth: k * (1.0 + e * e) / (1.0 - e * e),
-            csch: 2.0 * k * e / (1.0 - e * e),
-            sech_half: 2.0 * half / (1.0 + e),
-            csch_half: k * half / (1.0 - e),
-        }
+        modes
     }
 
     /// kΔ tanh kh.
-    fn tanh_half(&self) -> f64 {
+    fn tanh_half(&self) -> Vector<N> {
         // tanh kh = coth kΔ − 1/sinh kΔ loses digits where both are large.
-        let k = self.z.sqrt();
-        if k < 1e-3 { 0.5 * self.z * (1.0 - self.z / 12.0) } else { k * (0.5 * k).tanh() }
+        self.z.map(|z| {
+            let k = z.sqrt();
+            if k < 1e-3 { 0.5 * z * (1.0 - z / 12.0) } else { k * (0.5 * k).tanh() }
+        })
     }
 
     /// kΔ coth kh.
-    fn coth_half(&self) -> f64 {
-        self.coth + self.csch
+    fn coth_half(&self) -> Vector<N> {
+        std::array::from_fn(|j| self.coth[j] + self.csch[j])
     }
 
-    /// Response to a source that falls as e^(−x) over the layer; `fall` = e^(−x), `half` = e^(−x/2).
-    fn response(&self, x: f64, fall: f64, half: f64) -> Response {
-        let z = self.z;
-        if z < 0.25 && x.abs() < 0.5 {
-            return self.series(x, fall, half);
+    /// Responses to a source that falls as a beam does.
+    #[inline(always)]
+    fn response(&self, fall: &Fall) -> Response<N> {
+        let x = fall.depth;
+        let thin = x.abs() < THIN.1 && self.z.iter().any(|z| *z < THIN.0 * THIN.0);
+        if thin && self.z.iter().all(|z| *z < THIN.0 * THIN.0) {
+            return self.series(fall);
         }
-        let gap = x * x - z;
-        if gap.abs() > 2e-5 * z {
-            return self.closed(x, fall, half);
+        let mut response = self.closed(fall);
+        if thin {
+            let series = self.series(fall);
+            for j in 0..N {
+                let small = self.z[j] < THIN.0 * THIN.0;
+                let pick = |own: &mut f64, series: f64| *own = if small { series } else { *own };
+                pick(&mut response.top[j], series.top[j]);
+                pick(&mut response.bottom[j], series.bottom[j]);
+                pick(&mut response.middle[j], series.middle[j]);
+                pick(&mut response.middle_slope[j], series.middle_slope[j]);
+            }
         }
-        // The beam falls as the mode does: a straight line across the removable singularity.
-        let k = z.sqrt();
+        let resonant = |z: f64| (x * x - z).abs() <= RESONANT * z && !(thin && z < THIN.0 * THIN.0);
+        if self.z.iter().any(|z| resonant(*z)) {
+            for j in (0..N).filter(|j| resonant(self.z[*j])) {
+                self.across(j, x, &mut response);
+            }
+        }
+        response
+    }
+
+    #[inline(always)]
+    fn closed(&self, fall: &Fall) -> Response<N> {
+        let Fall { depth: x, whole, half } = *fall;
+        let nothing = [0.0; N];
+        let mut response = Response { top: nothing, bottom: nothing, middle: nothing, middle_slope: nothing };
+        for j in 0..N {
+            let per = 1.0 / (x * x - self.z[j]);
+            response.top[j] = (self.coth[j] - x - whole * self.csch[j]) * per;
+            response.bottom[j] = (self.csch[j] - whole * (self.coth[j] + x)) * per;
+            response.middle[j] = (half - 0.5 * (1.0 + whole) * self.sech_half[j]) * per;
+            response.middle_slope[j] = ((1.0 - whole) * self.csch_half[j] - x * half) * per;
+        }
+        response
+    }
+
+    /// A straight line across the removable singularity of one mode.
+    #[inline(never)]
+    fn across(&self, j: usize, x: f64, response: &mut Response<N>) {
+        let k = self.z[j].sqrt();
         let (low, high) = (k * (1.0 - 3e-5), k * (1.0 + 3e-5));
-        let [a, b] = [low, high].map(|x| self.closed(x, (-x).exp(), (-0.5 * x).exp()));
+        let [a, b] = [low, high].map(|x| self.closed(&Fall { depth: x, whole: (-x).exp(), half: (-0.5 * x).exp() }));
         let t = (x - low) / (high - low);
         let mid = |a: f64, b: f64| a + (b - a) * t;
-        Response {
-            top: mid(a.top, b.top),
-            bottom: mid(a.bottom, b.bottom),
-            middle: mid(a.middle, b.middle),
-            middle_slope: mid(a.middle_slope, b.middle_slope),
-        }
-    }
-
-    fn closed(&self, x: f64, fall: f64, half: f64) -> Response {
-        let per = 1.0 / (x * x - self.z);
-        Response {
-            top: (self.coth - x - fall * self.csch) * per,
-            bottom: (self.csch - fall * (self.coth + x)) * per,
-            middle: (half - 0.5 * (1.0 + fall) * self.sech_half) * per,
-            middle_slope: ((1.0 - fall) * self.csch_half - x * half) * per,
-        }
+        response.top[j] = mid(a.top[j], b.top[j]);
+        response.bottom[j] = mid(a.bottom[j], b.bottom[j]);
+        response.middle[j] = mid(a.middle[j], b.middle[j]);
+        response.middle_slope[j] = mid(a.middle_slope[j], b.middle_slope[j]);
     }
 
     /// Thin layers: the same as divided differences, by their power series.
-    fn series(&self, x: f64, fall: f64, half: f64) -> Response {
-        let z = self.z;
+    #[inline(always)]
+    fn series(&self, fall: &Fall) -> Response<N> {
+        let Fall { depth: x, whole, half } = *fall;
         // Σ_n (∓1)ⁿ/n! h_{n−2}(x, k, −k), h the complete homogeneous polynomials.
-        let (mut forth, mut back) = (0.0, 0.0);
-        let (mut h, mut even, mut factorial) = (0.0, 1.0, 1.0);
-        for n in 2..16 {
-            h = x * h + if n % 2 == 0 { even } else { 0.0 };
-            if n % 2 == 0 {
-                even *= z;
+        let (mut forth, mut back, mut h, mut power) = ([0.0; N], [0.0; N], [0.0; N], [1.0; N]);
+        for n in (2..16).step_by(2) {
+            let (even, odd) = (INVERSE_FACTORIALS[n], INVERSE_FACTORIALS[n + 1]);
+            for j in 0..N {
+                h[j] = x * h[j] + power[j];
+                let term = h[j] * even;
+                (forth[j], back[j]) = (forth[j] + term, back[j] + term);
+                power[j] *= self.z[j];
+                h[j] *= x;
+                let term = h[j] * odd;
+                (forth[j], back[j]) = (forth[j] - term, back[j] + term);
             }
-            factorial *= f64::from(n);
-            let term = h / factorial;
-            forth += if n % 2 == 0 { term } else { -term };
-            back += term;
         }
-        let (y, q) = (0.25 * x * x, 0.25 * z);
-        let (mut cosh, mut sinh) = (0.0, 0.0);
-        let (mut sum, mut power, mut factorial) = (1.0, 1.0, 1.0);
+        // Σ_n 1/(2n)! Σ yⁱ qʲ, i + j = n − 1, and with 1/(2n + 1)!.
+        let y = 0.25 * x * x;
+        let (mut cosh, mut sinh, mut sum, mut power) = ([0.0; N], [0.0; N], [1.0; N], [1.0; N]);
         for n in 1..8 {
-            let n = f64::from(n);
-            factorial *= (2.0 * n - 1.0) * 2.0 * n;
-            cosh += sum / factorial;
-            sinh += sum / (factorial * (2.0 * n + 1.0));
-            power *= q;
-            sum = y * sum + power;
+            let (even, odd) = (INVERSE_FACTORIALS[2 * n], INVERSE_FACTORIALS[2 * n + 1]);
+            for j in 0..N {
+                cosh[j] += sum[j] * even;
+                sinh[j] += sum[j] * odd;
+                power[j] *= 0.25 * self.z[j];
+                sum[j] = y * sum[j] + power[j];
+            }
         }
-        Response {
-            top: -self.csch * forth,
-            bottom: fall * self.csch * back,
-            middle: -0.25 * half * self.sech_half * cosh,
-            middle_slope: 0.25 * half * x * self.csch_half * sinh,
+        let mut response = Response { top: forth, bottom: back, middle: cosh, middle_slope: sinh };
+        for j in 0..N {
+            response.top[j] *= -self.csch[j];
+            response.bottom[j] *= whole * self.csch[j];
+            response.middle[j] *= -0.25 * half * self.sech_half[j];
+            response.middle_slope[j] *= 0.25 * half * x * self.csch_half[j];
         }
+        response
     }
 }
 
@@ -346,8 +488,12 @@ mod tests {
             (1.0, 6.0),
             (3.0, -1.0),
         ] {
-            let r = Mode::new(k).response(x, (-x).exp(), (-0.5 * x).exp());
-            for (found, due) in [r.top, r.bottom, r.middle, r.middle_slope].into_iter().zip(by_steps(k, x)) {
+            // Beside a mode of another kind.
+            let modes = Modes::new(&[k * k, 1.3 * k * k + 0.1], 1.0);
+            let r = modes.response(&Fall { depth: x, whole: (-x).exp(), half: (-0.5 * x).exp() });
+            for (found, due) in
+                [r.top, r.bottom, r.middle, r.middle_slope].map(|r| r[0]).into_iter().zip(by_steps(k, x))
+            {
                 assert!((found - due).abs() < 2e-9, "k {k}, x {x}: {found} {due}");
             }
         }

@@ -6,6 +6,7 @@ pub(crate) type Matrix<const N: usize> = [[f64; N]; N];
 pub(crate) type Vector<const N: usize> = [f64; N];
 
 /// A B.
+#[inline(always)]
 pub(crate) fn product<const N: usize>(a: &Matrix<N>, b: &Matrix<N>) -> Matrix<N> {
     let mut out = [[0.0; N]; N];
     for (out, a) in out.iter_mut().zip(a) {
@@ -19,6 +20,7 @@ pub(crate) fn product<const N: usize>(a: &Matrix<N>, b: &Matrix<N>) -> Matrix<N>
 }
 
 /// Aᵀ.
+#[inline(always)]
 pub(crate) fn transpose<const N: usize>(a: &Matrix<N>) -> Matrix<N> {
     let mut out = [[0.0; N]; N];
     for (i, row) in a.iter().enumerate() {
@@ -30,6 +32,7 @@ pub(crate) fn transpose<const N: usize>(a: &Matrix<N>) -> Matrix<N> {
 }
 
 /// Aᵀ x, which for a symmetric A is A x: the form whose sums run side by side.
+#[inline(always)]
 pub(crate) fn apply_transposed<const N: usize>(a: &Matrix<N>, x: &Vector<N>) -> Vector<N> {
     let mut out = [0.0; N];
     for (a, x) in a.iter().zip(x) {
@@ -40,8 +43,20 @@ pub(crate) fn apply_transposed<const N: usize>(a: &Matrix<N>, x: &Vector<N>) -> 
     out
 }
 
+/// Σ a b, in sums side by side.
+#[inline(always)]
+pub(crate) fn dot<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> f64 {
+    let mut sums = [0.0; 2];
+    for (a, b) in a.chunks_exact(2).zip(b.chunks_exact(2)) {
+        sums[0] += a[0] * b[0];
+        sums[1] += a[1] * b[1];
+    }
+    sums[0] + sums[1]
+}
+
 /// The lower factor L of a positive definite A = L Lᵀ; a pivot that rounding leaves at or below 0 is lifted to a share of
 /// 1e-15 of its diagonal.
+#[inline(always)]
 pub(crate) fn cholesky<const N: usize>(a: &Matrix<N>) -> Matrix<N> {
     let mut l = [[0.0; N]; N];
     for j in 0..N {
@@ -57,6 +72,7 @@ pub(crate) fn cholesky<const N: usize>(a: &Matrix<N>) -> Matrix<N> {
 }
 
 /// L⁻¹ of a lower triangle.
+#[inline(always)]
 pub(crate) fn inverse_lower<const N: usize>(l: &Matrix<N>) -> Matrix<N> {
     let mut out = [[0.0; N]; N];
     for i in 0..N {
@@ -75,12 +91,14 @@ pub(crate) fn inverse_lower<const N: usize>(l: &Matrix<N>) -> Matrix<N> {
 }
 
 /// A⁻¹ of a positive definite A.
+#[inline(always)]
 pub(crate) fn inverse_definite<const N: usize>(a: &Matrix<N>) -> Matrix<N> {
     let half = inverse_lower(&cholesky(a));
     product(&transpose(&half), &half)
 }
 
 /// A⁻¹ by Gauss–Jordan elimination with partial pivoting.
+#[inline(always)]
 pub(crate) fn inverse<const N: usize>(a: &Matrix<N>) -> Matrix<N> {
     let mut a = *a;
     let mut out = [[0.0; N]; N];

@@ -17,17 +17,19 @@
 //!
 //! from which the scattering source J has any direction, by the same sum that the quadrature itself uses. Orders m are added
 //! until two in a row change J by less than a stated share anywhere.
+//!
+//! Where only the irradiance at the ground is wanted, the adjoint is solved: what light counts for there that leaves a layer
+//! upwards or downwards. A beam is then one sum over the layers.
 
 mod layer;
 mod legendre;
 mod matrix;
 mod quadrature;
 
-use std::f64::consts::PI;
 
-use layer::{Lit, Operator};
+use layer::{Lit, Operator, Slab, Source};
 pub(crate) use legendre::normalised;
-use matrix::{Eigen, Matrix, Sizes, Vector, apply_transposed, inverse, product, transpose};
+use matrix::{Eigen, Matrix, Sizes, Vector, apply_transposed, dot, inverse, product, transpose};
 use quadrature::{Order, Quadrature};
 
 /// A layer as the solver takes it, delta-scaled.
@@ -55,12 +57,14 @@ pub(crate) struct Beam {
 pub(crate) struct Field {
     /// c_l^m by order m, at the edges and middles of the parts from the top down: a row of `streams − m` values each.
     pub orders: Vec<Vec<f64>>,
-    /// Diffuse irradiance on a level surface from above, at the same places; its beam is the scaled one.
-    pub down: Vec<f64>,
-    /// From below.
-    pub up: Vec<f64>,
+    /// Edges and middles.
+    pub levels: usize,
     /// The part that these begin with.
     pub first: usize,
+    /// Diffuse irradiance on a level surface, upwards above the stack.
+    pub leaves: f64,
+    /// Downwards below it; the beam beside it is the scaled one.
+    pub arrives: f64,
 }
 
 impl Field {
@@ -68,19 +72,17 @@ impl Field {
     pub fn mixed(fields: &[Field], shares: &[f64], first: usize) -> Self {
         let mut out = Self { first, ..Self::default() };
         for (field, share) in fields.iter().zip(shares) {
-            let levels = field.down.len();
             let dropped = 2 * (first - field.first);
+            out.levels = field.levels - dropped;
             for (m, rows) in field.orders.iter().enumerate() {
-                let rows = &rows[dropped * rows.len() / levels..];
+                let rows = &rows[dropped * rows.len() / field.levels..];
                 if out.orders.len() <= m {
                     out.orders.push(vec![0.0; rows.len()]);
                 }
                 out.orders[m].iter_mut().zip(rows).for_each(|(sum, c)| *sum += share * c);
             }
-            for (sum, flux) in [(&mut out.down, &field.down), (&mut out.up, &field.up)] {
-                sum.resize(levels - dropped, 0.0);
-                sum.iter_mut().zip(&flux[dropped..]).for_each(|(sum, flux)| *sum += share * flux);
-            }
+            out.leaves += share * field.leaves;
+            out.arrives += share * field.arrives;
         }
         out
     }
@@ -95,21 +97,61 @@ pub(crate) struct Solution {
     pub ground: Field,
 }
 
+/// Diffuse irradiance on a level surface below a stack, over a black ground.
+#[derive(Clone, Debug)]
+pub(crate) struct Arriving {
+    /// Of each beam.
+    pub beams: Vec<f64>,
+    /// What comes back of a ground of radiance 1.
+    pub ground: f64,
+}
+
 /// The numbers of streams that the solver knows.
 pub(crate) const STREAMS: [usize; 5] = [4, 8, 16, 32, 64];
 
-/// Solves a stack with one of [`STREAMS`]; with `fluxes_only` the order m = 0 alone.
-pub(crate) fn solve(streams: usize, layers: &[Scaled], beams: &[Beam], fluxes_only: bool, accuracy: f64) -> Solution {
-    match streams {
-        4 => stack::<2>(layers, beams, fluxes_only, accuracy),
-        8 => stack::<4>(layers, beams, fluxes_only, accuracy),
-        16 => stack::<8>(layers, beams, fluxes_only, accuracy),
-        32 => stack::<16>(layers, beams, fluxes_only, accuracy),
-        _ => stack::<32>(layers, beams, fluxes_only, accuracy),
-    }
+/// Defines a function of N = streams / 2 that is compiled twice, for wide vectors where the machine has them. Neither way
+/// fuses a product with a sum, so that both give the same bits.
+macro_rules! for_streams {
+    ($(#[$doc:meta])* $name:ident => $body:ident($($argument:ident: $type:ty),*) -> $out:ty) => {
+        $(#[$doc])*
+        pub(crate) fn $name(streams: usize, $($argument: $type),*) -> $out {
+            #[inline(always)]
+            fn any(streams: usize, $($argument: $type),*) -> $out {
+                match streams {
+                    4 => $body::<2>($($argument),*),
+                    8 => $body::<4>($($argument),*),
+                    16 => $body::<8>($($argument),*),
+                    32 => $body::<16>($($argument),*),
+                    _ => $body::<32>($($argument),*),
+                }
+            }
+            #[cfg(target_arch = "x86_64")]
+            {
+                #[target_feature(enable = "avx2")]
+                fn wide(streams: usize, $($argument: $type),*) -> $out {
+                    any(streams, $($argument),*)
+                }
+                if std::arch::is_x86_feature_detected!("avx2") {
+                    // SAFETY: the machine has just been found to have what the function is compiled for.
+                    return unsafe { wide(streams, $($argument),*) };
+                }
+            }
+            any(streams, $($argument),*)
+        }
+    };
 }
 
-fn stack<const N: usize>(layers: &[Scaled], beams: &[Beam], fluxes_only: bool, accuracy: f64) -> Solution
+for_streams! {
+    /// Solves a stack with one of [`STREAMS`].
+    solve => stack(layers: &[Scaled], beams: &[Beam], accuracy: f64) -> Solution
+}
+for_streams! {
+    /// What arrives at the ground, of the order m = 0 alone.
+    arriving => adjoint(layers: &[Scaled], beams: &[Beam]) -> Arriving
+}
+
+#[inline(always)]
+fn stack<const N: usize>(layers: &[Scaled], beams: &[Beam], accuracy: f64) -> Solution
 where
     Sizes: Eigen<N>,
 {
@@ -117,12 +159,33 @@ where
     let mut solution = Solution { beams: vec![Field::default(); beams.len()], ground: Field::default() };
     // Each beam has its own end, whatever beams stand beside it.
     let mut open: Vec<Open> = beams.iter().map(|_| Open::default()).collect();
-    for m in 0..if fluxes_only { 1 } else { 2 * N } {
+    for m in 0..2 * N {
         if m > 0 && open.iter().all(|beam| beam.done) {
             break;
         }
         let order = Order::new(m, &quadrature);
-        one_order(&order, &quadrature, layers, beams, &mut solution, &mut open, accuracy);
+        let operators = operators(&order, layers);
+        let stack = Stack::new(&order, layers, &operators);
+        if m == 0 {
+            stack.add(None, &quadrature.lambertian(), &mut solution.ground);
+        }
+        for ((beam, field), open) in beams.iter().zip(&mut solution.beams).zip(&mut open) {
+            if open.done {
+                continue;
+            }
+            if m > 0 && stack.is_clear() {
+                open.done = true;
+                continue;
+            }
+            stack.add(Some(beam), &[0.0; N], field);
+            let size = size(m, layers, field);
+            if m == 0 {
+                open.scale = size;
+            } else {
+                open.small = if size <= accuracy * open.scale { open.small + 1 } else { 0 };
+                open.done = open.small == 2;
+            }
+        }
     }
     solution
 }
@@ -137,95 +200,10 @@ struct Open {
     small: usize,
 }
 
-/// What the downward sweep keeps of a part.
-struct Joined<const N: usize> {
-    /// Index of the layer.
-    layer: usize,
-    /// R below it.
-    below: Matrix<N>,
-    /// (1 − r R)⁻¹, transposed, and Z; nothing where the layer is clear.
-    inner: Option<(Matrix<N>, Matrix<N>)>,
-}
-
-/// Adds the order m to the fields of the beams that still want it.
-fn one_order<const N: usize>(
-    order: &Order<N>,
-    quadrature: &Quadrature<N>,
-    layers: &[Scaled],
-    beams: &[Beam],
-    solution: &mut Solution,
-    open: &mut [Open],
-    accuracy: f64,
-) where
-    Sizes: Eigen<N>,
-{
-    let operators: Vec<Operator<N>> =
-        layers.iter().map(|layer| Operator::new(order, &layer.coupling, layer.depth)).collect();
-    let parts: usize = layers.iter().map(|layer| layer.parts).sum();
-    let mut joined: Vec<Joined<N>> = Vec::with_capacity(parts);
-    let mut below = [[0.0; N]; N];
-    let mut dark = true; // nothing scatters below
-    for (i, layer) in layers.iter().enumerate().rev() {
-        for _ in 0..layer.parts {
-            match &operators[i] {
-                Operator::Clear(t) => {
-                    joined.push(Joined { layer: i, below, inner: None });
-                    for (row, ti) in below.iter_mut().zip(t) {
-                        row.iter_mut().zip(t).for_each(|(x, tj)| *x *= ti * tj);
-                    }
-                }
-                Operator::Scattering(slab) if dark => {
-                    let mut one = [[0.0; N]; N];
-                    (0..N).for_each(|k| one[k][k] = 1.0);
-                    joined.push(Joined { layer: i, below, inner: Some((one, below)) });
-                    below = slab.reflection;
-                    dark = false;
-                }
-                Operator::Scattering(slab) => {
-                    let mut m = product(&slab.reflection, &below);
-                    for (k, row) in m.iter_mut().enumerate() {
-                        row.iter_mut().for_each(|x| *x = -*x);
-                        row[k] += 1.0;
-                    }
-                    let m = inverse(&m);
-                    let z = product(&below, &m);
-                    let mut above = product(&product(&slab.transmission, &z), &slab.transmission);
-                    for (row, r) in above.iter_mut().zip(&slab.reflection) {
-                        row.iter_mut().zip(r).for_each(|(x, r)| *x += r);
-                    }
-                    joined.push(Joined { layer: i, below, inner: Some((transpose(&m), z)) });
-                    below = above;
-                }
-            }
-        }
-    }
-    joined.reverse(); // from the top down
-    let stack = Stack { order, quadrature, layers, operators: &operators, joined: &joined, top: below };
-    if order.m == 0 {
-        let mut ground = [0.0; N];
-        (0..N).for_each(|i| ground[i] = (quadrature.weights[i] * quadrature.cosines[i]).sqrt());
-        stack.add(None, &ground, &mut solution.ground);
-    }
-    for ((beam, field), open) in beams.iter().zip(&mut solution.beams).zip(open).filter(|(_, open)| !open.done) {
-        if dark && order.m > 0 {
-            open.done = true;
-            continue;
-        }
-        stack.add(Some(beam), &[0.0; N], field);
-        let size = size(order.m, layers, field);
-        if order.m == 0 {
-            open.scale = size;
-        } else {
-            open.small = if size <= accuracy * open.scale { open.small + 1 } else { 0 };
-            open.done = open.small == 2;
-        }
-    }
-}
-
 /// How large J is in the moments of order m: the most of any layer.
 fn size(m: usize, layers: &[Scaled], field: &Field) -> f64 {
     let rows = &field.orders[m];
-    let width = rows.len() / field.down.len();
+    let width = rows.len() / field.levels;
     let (mut k, mut most) = (0, 0.0f64);
     for layer in layers {
         let row = &rows[(k + 1) * width..(k + 2) * width];
@@ -236,54 +214,144 @@ fn size(m: usize, layers: &[Scaled], field: &Field) -> f64 {
     most
 }
 
-struct Stack<'a, const N: usize> {
-    order: &'a Order<N>,
-    quadrature: &'a Quadrature<N>,
-    layers: &'a [Scaled],
-    operators: &'a [Operator<N>],
-    joined: &'a [Joined<N>],
-    /// R of the whole.
-    top: Matrix<N>,
-}
-
-impl<const N: usize> Stack<'_, N>
+#[inline(always)]
+fn operators<const N: usize>(order: &Order<N>, layers: &[Scaled]) -> Vec<Operator<N>>
 where
     Sizes: Eigen<N>,
 {
-    /// Solves for one beam, or for light `from_ground` alone, and appends the order's moments (and at m = 0 the fluxes).
-    fn add(&self, beam: Option<&Beam>, from_ground: &Vector<N>, field: &mut Field) {
+    let mut operators = Vec::with_capacity(layers.len());
+    for layer in layers {
+        operators.push(Operator::new(order, &layer.coupling, layer.depth));
+    }
+    operators
+}
+
+/// What the sweeps keep of a part.
+struct Joined<const N: usize> {
+    /// Index of the layer.
+    layer: usize,
+    /// R below it.
+    below: Matrix<N>,
+    /// M = (1 − r R)⁻¹, transposed, and Z; nothing where the layer is clear.
+    inner: Option<(Matrix<N>, Matrix<N>)>,
+}
+
+/// The layers at one order, joined.
+struct Stack<'a, const N: usize> {
+    order: &'a Order<N>,
+    operators: &'a [Operator<N>],
+    /// From the top down.
+    joined: Vec<Joined<N>>,
+}
+
+impl<'a, const N: usize> Stack<'a, N>
+where
+    Sizes: Eigen<N>,
+{
+    #[inline(always)]
+    fn new(order: &'a Order<N>, layers: &[Scaled], operators: &'a [Operator<N>]) -> Self {
+        let parts: usize = layers.iter().map(|layer| layer.parts).sum();
+        let mut joined: Vec<Joined<N>> = Vec::with_capacity(parts);
+        let mut below = [[0.0; N]; N];
+        let mut dark = true; // nothing scatters below
+        for (i, layer) in layers.iter().enumerate().rev() {
+            for _ in 0..layer.parts {
+                match &operators[i] {
+                    Operator::Clear(t) => {
+                        joined.push(Joined { layer: i, below, inner: None });
+                        for (row, ti) in below.iter_mut().zip(t) {
+                            row.iter_mut().zip(t).for_each(|(x, tj)| *x *= ti * tj);
+                        }
+                    }
+                    Operator::Scattering(slab) if dark => {
+                        let mut one = [[0.0; N]; N];
+                        (0..N).for_each(|k| one[k][k] = 1.0);
+                        joined.push(Joined { layer: i, below, inner: Some((one, below)) });
+                        below = slab.reflection;
+                        dark = false;
+                    }
+                    Operator::Scattering(slab) => {
+                        let mut m = product(&slab.reflection, &below);
+                        for (k, row) in m.iter_mut().enumerate() {
+                            row.iter_mut().for_each(|x| *x = -*x);
+                            row[k] += 1.0;
+                        }
+                        let m = inverse(&m);
+                        let z = product(&below, &m);
+                        let mut above = product(&product(&slab.transmission, &z), &slab.transmission);
+                        for (row, r) in above.iter_mut().zip(&slab.reflection) {
+                            row.iter_mut().zip(r).for_each(|(x, r)| *x += r);
+                        }
+                        joined.push(Joined { layer: i, below, inner: Some((transpose(&m), z)) });
+                        below = above;
+                    }
+                }
+            }
+        }
+        joined.reverse();
+        Self { order, operators, joined }
+    }
+
+    /// Whether nothing scatters at this order.
+    fn is_clear(&self) -> bool {
+        self.joined.iter().all(|part| part.inner.is_none())
+    }
+
+    /// A part's operators; nothing where it is clear.
+    #[inline(always)]
+    fn slab(&self, part: &'a Joined<N>) -> Option<(&Slab<N>, &Matrix<N>, &Matrix<N>)> {
+        match (&self.operators[part.layer], &part.inner) {
+            (Operator::Scattering(slab), Some((m, z))) => Some((slab, m, z)),
+            _ => None,
+        }
+    }
+
+    /// What a clear part lets through.
+    #[inline(always)]
+    fn clear(&self, part: &Joined<N>) -> &Vector<N> {
+        match &self.operators[part.layer] {
+            Operator::Clear(t) => t,
+            Operator::Scattering(_) => unreachable!("a part that scatters has been joined"),
+        }
+    }
+
+    /// Solves for one beam, or for light `from_ground` alone, and appends the order's moments.
+    #[inline(always)]
+    fn add(&'a self, beam: Option<&Beam>, from_ground: &Vector<N>, field: &mut Field) {
         let n = self.joined.len();
-        let sources = beam.map(|beam| self.sources(beam));
+        let toward = beam.map(|beam| self.order.toward(-beam.cosine));
         // Upwards: S above each part, and g of it.
         let mut emission = *from_ground;
         let mut lit: Vec<Option<Lit<N>>> = Vec::with_capacity(n);
         let mut climbing: Vec<(Vector<N>, Vector<N>)> = Vec::with_capacity(n); // S below the part, g
+        let mut source = (usize::MAX, Source::default());
         for (i, part) in self.joined.iter().enumerate().rev() {
-            let own = match (&self.operators[part.layer], beam, &sources) {
-                (Operator::Scattering(slab), Some(beam), Some(sources)) => {
-                    let (top, bottom) = (beam.transmittance[i], beam.transmittance[i + 1]);
-                    let (a, b) = &sources[part.layer];
-                    (top > 1e-200).then(|| slab.lit(a, b, top, bottom))
-                }
-                _ => None,
-            };
             let below = emission;
-            let mut g = [0.0; N];
-            match (&self.operators[part.layer], &part.inner) {
-                (Operator::Scattering(slab), Some((_, z))) => {
-                    g = apply_transposed(&slab.reflection, &below);
-                    if let Some(lit) = &own {
-                        g.iter_mut().zip(lit.down).for_each(|(g, s)| *g += s);
-                    }
-                    let mut inside = apply_transposed(z, &g);
-                    inside.iter_mut().zip(below).for_each(|(x, s)| *x += s);
-                    emission = apply_transposed(&slab.transmission, &inside);
-                    if let Some(lit) = &own {
-                        emission.iter_mut().zip(lit.up).for_each(|(e, s)| *e += s);
-                    }
+            let Some((slab, _, z)) = self.slab(part) else {
+                emission.iter_mut().zip(self.clear(part)).for_each(|(e, t)| *e *= t);
+                climbing.push((below, [0.0; N]));
+                lit.push(None);
+                continue;
+            };
+            let mut own = None;
+            if let (Some(beam), Some(toward)) = (beam, &toward) {
+                if source.0 != part.layer {
+                    source = (part.layer, slab.source(toward));
                 }
-                (Operator::Clear(t), _) => emission.iter_mut().zip(t).for_each(|(e, t)| *e *= t),
-                (Operator::Scattering(_), None) => unreachable!("a part that scatters has been joined"),
+                let (top, bottom) = (beam.transmittance[i], beam.transmittance[i + 1]);
+                if top > 1e-200 {
+                    own = Some(slab.lit(&source.1, top, bottom));
+                }
+            }
+            let mut g = apply_transposed(&slab.reflection, &below);
+            if let Some(lit) = &own {
+                g.iter_mut().zip(&lit.down).for_each(|(g, s)| *g += s);
+            }
+            let mut inside = apply_transposed(z, &g);
+            inside.iter_mut().zip(&below).for_each(|(x, s)| *x += s);
+            emission = apply_transposed(&slab.transmission, &inside);
+            if let Some(lit) = &own {
+                emission.iter_mut().zip(&lit.up).for_each(|(e, s)| *e += s);
             }
             climbing.push((below, g));
             lit.push(own);
@@ -292,97 +360,133 @@ where
         lit.reverse();
 
         // Downwards.
-        let streams = 2 * N - self.order.m;
-        let mut moments = Vec::with_capacity((2 * n + 1) * streams);
+        field.levels = 2 * n + 1;
+        let mut moments = Vec::with_capacity(field.levels * (2 * N - self.order.m));
         let mut down = [0.0; N];
         let mut up = emission;
-        up.iter_mut().zip(apply_transposed(&self.top, &down)).for_each(|(u, r)| *u += r);
         let (mut x, mut y) = both(&up, &down);
-        self.record(&x, &y, &mut moments, field);
+        if self.order.m == 0 {
+            field.leaves = self.order.flux(&up);
+        }
+        self.order.moments_at_nodes.of(&x, &y, &mut moments);
+        let mut above = (usize::MAX, [0.0; N]); // layer, Gᵀ x at the upper edge of the part
         for (i, part) in self.joined.iter().enumerate() {
-            let above = x;
-            match (&self.operators[part.layer], &part.inner) {
-                (Operator::Scattering(slab), Some((m, _))) => {
+            let (below, g) = &climbing[i];
+            match self.slab(part) {
+                Some((slab, m, _)) => {
+                    if above.0 != part.layer {
+                        above = (part.layer, apply_transposed(&slab.g, &x));
+                    }
                     let mut enters = apply_transposed(&slab.transmission, &down);
-                    enters.iter_mut().zip(climbing[i].1).for_each(|(e, g)| *e += g);
+                    enters.iter_mut().zip(g).for_each(|(e, g)| *e += g);
                     down = apply_transposed(m, &enters);
                     up = apply_transposed(&part.below, &down);
-                    up.iter_mut().zip(climbing[i].0).for_each(|(u, s)| *u += s);
+                    up.iter_mut().zip(below).for_each(|(u, s)| *u += s);
                     (x, y) = both(&up, &down);
-                    let (x_mid, y_mid) = slab.middle(&above, &x, lit[i].as_ref());
-                    self.record(&x_mid, &y_mid, &mut moments, field);
+                    let lower = apply_transposed(&slab.g, &x);
+                    let (xi, eta) = slab.middle(&above.1, &lower, lit[i].as_ref());
+                    above.1 = lower;
+                    slab.moments.of(&xi, &eta, &mut moments);
                 }
-                (Operator::Clear(t), _) => {
+                None => {
+                    let t = self.clear(part);
                     let half: Vector<N> = t.map(f64::sqrt);
-                    let mut below = apply_transposed(&part.below, &std::array::from_fn(|k| down[k] * t[k]));
-                    below.iter_mut().zip(climbing[i].0).for_each(|(u, s)| *u += s);
+                    up = apply_transposed(&part.below, &std::array::from_fn(|k| down[k] * t[k]));
+                    up.iter_mut().zip(below).for_each(|(u, s)| *u += s);
                     let (x_mid, y_mid) =
-                        both(&std::array::from_fn(|k| below[k] * half[k]), &std::array::from_fn(|k| down[k] * half[k]));
-                    self.record(&x_mid, &y_mid, &mut moments, field);
+                        both(&std::array::from_fn(|k| up[k] * half[k]), &std::array::from_fn(|k| down[k] * half[k]));
+                    self.order.moments_at_nodes.of(&x_mid, &y_mid, &mut moments);
                     down.iter_mut().zip(t).for_each(|(d, t)| *d *= t);
-                    up = below;
                     (x, y) = both(&up, &down);
                 }
-                (Operator::Scattering(_), None) => unreachable!("a part that scatters has been joined"),
             }
-            self.record(&x, &y, &mut moments, field);
+            self.order.moments_at_nodes.of(&x, &y, &mut moments);
+        }
+        if self.order.m == 0 {
+            field.arrives = self.order.flux(&down);
         }
         field.orders.push(moments);
     }
+}
 
-    /// a and b of each layer under a beam of transmittance 1.
-    fn sources(&self, beam: &Beam) -> Vec<(Vector<N>, Vector<N>)> {
-        let m = self.order.m;
-        let mut toward = vec![0.0; 2 * N - m];
-        normalised(m, -beam.cosine, &mut toward);
-        let factor = if m == 0 { -0.5 / PI } else { -1.0 / PI };
-        (self.layers.iter())
-            .map(|layer| {
-                let (mut a, mut b) = ([0.0; N], [0.0; N]);
-                for (l, (u, toward)) in self.order.scaled.iter().zip(&toward).enumerate() {
-                    let c = factor * layer.coupling[m + l] * toward;
-                    let target = if l % 2 == 0 { &mut a } else { &mut b };
-                    target.iter_mut().zip(u).for_each(|(x, u)| *x += c * u);
-                }
-                (a, b)
-            })
-            .collect()
-    }
-
-    /// Appends c_l = ½ u_l · (x or y), and at m = 0 the fluxes 2π Σ w μ I.
-    fn record(&self, x: &Vector<N>, y: &Vector<N>, moments: &mut Vec<f64>, field: &mut Field) {
-        for (l, u) in self.order.scaled.iter().enumerate() {
-            moments.push(0.5 * dot(u, if l % 2 == 0 { x } else { y }));
-        }
-        if self.order.m == 0 {
-            let (mut up, mut down) = (0.0, 0.0);
-            for i in 0..N {
-                let root = (self.quadrature.weights[i] * self.quadrature.cosines[i]).sqrt();
-                up += root * 0.5 * (x[i] + y[i]);
-                down += root * 0.5 * (x[i] - y[i]);
+/// With b the weight of what comes down below a part, e that of what goes up above it, from the equations of the sweeps:
+///
+/// ```text
+/// b above = t Mᵀ b                                 from the ground up, b of the ground the flux itself
+/// γ = Mᵀ b + Zᵀ t e,   e below = t e + r γ          from the top down; γ that of g, e above the top 0
+/// F = Σ parts e·s⁺ + γ·s⁻
+/// ```
+#[inline(always)]
+fn adjoint<const N: usize>(layers: &[Scaled], beams: &[Beam]) -> Arriving
+where
+    Sizes: Eigen<N>,
+{
+    let quadrature = Quadrature::<N>::new();
+    let order = Order::new(0, &quadrature);
+    let operators = operators(&order, layers);
+    let stack = Stack::new(&order, layers, &operators);
+    let mut weights: Vec<Vector<N>> = Vec::with_capacity(stack.joined.len()); // Mᵀ b
+    let mut b = order.flux_weights;
+    for part in stack.joined.iter().rev() {
+        match stack.slab(part) {
+            Some((slab, m, _)) => {
+                let inner = apply_transposed(&transpose(m), &b);
+                b = apply_transposed(&slab.transmission, &inner);
+                weights.push(inner);
             }
-            field.up.push(2.0 * PI * up);
-            field.down.push(2.0 * PI * down);
+            None => {
+                weights.push(b);
+                b.iter_mut().zip(stack.clear(part)).for_each(|(b, t)| *b *= t);
+            }
         }
     }
-}
-
-/// Σ a b, in sums side by side.
-fn dot<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> f64 {
-    let mut sums = [0.0; 2];
-    for (a, b) in a.chunks_exact(2).zip(b.chunks_exact(2)) {
-        sums[0] += a[0] * b[0];
-        sums[1] += a[1] * b[1];
+    weights.reverse();
+    let mut arriving = Arriving { beams: vec![0.0; beams.len()], ground: 0.0 };
+    let towards: Vec<_> = beams.iter().map(|beam| order.toward(-beam.cosine)).collect();
+    let mut sources = vec![Source::default(); beams.len()];
+    let mut of_sources = usize::MAX;
+    let mut e = [0.0; N];
+    for (i, part) in stack.joined.iter().enumerate() {
+        let Some((slab, _, z)) = stack.slab(part) else {
+            e.iter_mut().zip(stack.clear(part)).for_each(|(e, t)| *e *= t);
+            continue;
+        };
+        let passes = apply_transposed(&slab.transmission, &e);
+        let mut gamma = apply_transposed(z, &passes);
+        gamma.iter_mut().zip(&weights[i]).for_each(|(g, b)| *g += b);
+        if of_sources != part.layer {
+            of_sources = part.layer;
+            for (source, toward) in sources.iter_mut().zip(&towards) {
+                *source = slab.source(toward);
+            }
+        }
+        let worth = slab.worth(&e, &gamma);
+        for ((sum, beam), source) in arriving.beams.iter_mut().zip(beams).zip(&sources) {
+            let (top, bottom) = (beam.transmittance[i], beam.transmittance[i + 1]);
+            if top > 1e-200 {
+                *sum += slab.lit_worth(&worth, source, top, bottom);
+            }
+        }
+        e = apply_transposed(&slab.reflection, &gamma);
+        e.iter_mut().zip(&passes).for_each(|(e, t)| *e += t);
     }
-    sums[0] + sums[1]
+    arriving.ground = dot(&e, &quadrature.lambertian());
+    arriving
 }
 
+#[inline(always)]
 fn both<const N: usize>(up: &Vector<N>, down: &Vector<N>) -> (Vector<N>, Vector<N>) {
-    (std::array::from_fn(|i| up[i] + down[i]), std::array::from_fn(|i| up[i] - down[i]))
+    let (mut x, mut y) = ([0.0; N], [0.0; N]);
+    for i in 0..N {
+        (x[i], y[i]) = (up[i] + down[i], up[i] - down[i]);
+    }
+    (x, y)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::f64::consts::PI;
+
     use super::*;
 
     fn layer(omega: f64, g: f64, depth: f64, parts: usize, streams: usize) -> Scaled {
@@ -417,14 +521,36 @@ mod tests {
                 layer(1.0, -0.3, 30.0, 1, streams),
             ];
             for mu in [1.0, 0.5, 0.05] {
-                let solution = solve(streams, &layers, &[beam(mu, &layers)], true, 1e-6);
+                let solution = solve(streams, &layers, &[beam(mu, &layers)], 1e-2);
                 let field = &solution.beams[0];
-                let (top, bottom) = (field.up[0], field.down[field.down.len() - 1]);
                 let direct = mu * beam(mu, &layers).transmittance[5];
-                assert!(((top + bottom + direct) / mu - 1.0).abs() < 1e-9, "{streams} {mu}: {}", top + bottom + direct);
+                let all = field.leaves + field.arrives + direct;
+                assert!((all / mu - 1.0).abs() < 1e-9, "{streams} {mu}: {all}");
                 let ground = &solution.ground;
-                assert!(((ground.up[0] + ground.down[ground.down.len() - 1]) / PI - 1.0).abs() < 1e-9);
+                assert!(((ground.leaves + ground.arrives) / PI - 1.0).abs() < 1e-9);
             }
+        }
+    }
+
+    /// The adjoint gives the irradiance that the field has, through clear and scattering layers, thick and thin.
+    #[test]
+    fn what_arrives_is_the_same_by_the_adjoint() {
+        for streams in STREAMS {
+            let layers = [
+                layer(0.9, 0.0, 0.1, 1, streams),
+                layer(0.0, 0.0, 0.3, 2, streams),
+                layer(0.95, 0.75, 2.0, 3, streams),
+                layer(1.0, -0.3, 6.0, 1, streams),
+                layer(0.0, 0.0, 0.1, 1, streams),
+                layer(0.5, 0.5, 1e-4, 1, streams),
+            ];
+            let beams = [0.9, 0.3, 0.02].map(|mu| beam(mu, &layers));
+            let solution = solve(streams, &layers, &beams, 1e-2);
+            let found = arriving(streams, &layers, &beams);
+            for (field, found) in solution.beams.iter().zip(&found.beams) {
+                assert!((found / field.arrives - 1.0).abs() < 1e-10, "{streams}: {found} {}", field.arrives);
+            }
+            assert!((found.ground / solution.ground.arrives - 1.0).abs() < 1e-10);
         }
     }
 }

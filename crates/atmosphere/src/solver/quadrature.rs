@@ -1,7 +1,9 @@
 //! Directions: double-Gauss quadrature, and the Legendre functions of each azimuthal order on it.
 
+use std::f64::consts::PI;
+
 use super::legendre::normalised;
-use super::matrix::Vector;
+use super::matrix::{Matrix, Vector, apply_transposed, dot};
 use crate::quadrature::gauss_legendre;
 
 /// N nodes μ in each hemisphere, their weights summing to 1.
@@ -21,6 +23,11 @@ impl<const N: usize> Quadrature<N> {
         }
         Self { cosines, weights }
     }
+
+    /// Radiance 1 in every direction, times √(wμ).
+    pub fn lambertian(&self) -> Vector<N> {
+        std::array::from_fn(|i| (self.weights[i] * self.cosines[i]).sqrt())
+    }
 }
 
 /// An azimuthal order m on a quadrature.
@@ -29,6 +36,10 @@ pub(super) struct Order<const N: usize> {
     pub cosines: Vector<N>,
     /// u_l = √(w/μ) Λ_l^m(μ), l = m … 2N − 1.
     pub scaled: Vec<Vector<N>>,
+    /// c_l from x and y.
+    pub moments_at_nodes: Moments<N>,
+    /// F = Σ 2π w μ I.
+    pub flux_weights: Vector<N>,
 }
 
 impl<const N: usize> Order<N> {
@@ -40,6 +51,57 @@ impl<const N: usize> Order<N> {
             let weight = (quadrature.weights[i] / quadrature.cosines[i]).sqrt();
             scaled.iter_mut().zip(&column).for_each(|(u, value)| u[i] = weight * value);
         }
-        Self { m, cosines: quadrature.cosines, scaled }
+        let moments_at_nodes = Moments::new(&scaled);
+        let flux_weights = quadrature.lambertian().map(|root| 2.0 * PI * root);
+        Self { m, cosines: quadrature.cosines, scaled, moments_at_nodes, flux_weights }
+    }
+
+    /// Λ_l^m(μ) of the even l + m and of the odd ones.
+    pub fn toward(&self, mu: f64) -> [Vector<N>; 2] {
+        let mut row = vec![0.0; self.scaled.len()];
+        normalised(self.m, mu, &mut row);
+        let mut halves = [[0.0; N]; 2];
+        row.iter().enumerate().for_each(|(l, value)| halves[l % 2][l / 2] = *value);
+        halves
+    }
+
+    /// Irradiance on the level of light times √(wμ).
+    pub fn flux(&self, light: &Vector<N>) -> f64 {
+        dot(&self.flux_weights, light)
+    }
+}
+
+/// c_l = ½ p_l · x for even l + m, ½ p_l · y for odd ones.
+pub(super) struct Moments<const N: usize> {
+    /// ½ p_l as columns.
+    even: Matrix<N>,
+    odd: Matrix<N>,
+    count: usize,
+}
+
+impl<const N: usize> Moments<N> {
+    /// From p_l, l = m, m + 1, …
+    #[inline(always)]
+    pub fn new(rows: &[Vector<N>]) -> Self {
+        let mut halves = [[[0.0; N]; N]; 2];
+        for (l, row) in rows.iter().enumerate() {
+            for (column, p) in halves[l % 2].iter_mut().zip(row) {
+                column[l / 2] = 0.5 * p;
+            }
+        }
+        let [even, odd] = halves;
+        Self { even, odd, count: rows.len() }
+    }
+
+    /// Appends c_l, l = m, m + 1, …
+    #[inline(always)]
+    pub fn of(&self, x: &Vector<N>, y: &Vector<N>, moments: &mut Vec<f64>) {
+        let (even, odd) = (apply_transposed(&self.even, x), apply_transposed(&self.odd, y));
+        for k in 0..self.count / 2 {
+            moments.extend([even[k], odd[k]]);
+        }
+        if self.count % 2 == 1 {
+            moments.push(even[self.count / 2]);
+        }
     }
 }
