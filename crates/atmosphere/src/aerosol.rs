@@ -320,7 +320,7 @@ static CLASSES: LazyLock<Vec<(String, Phases)>> = LazyLock::new(|| {
             Some((_, g, phase)) => (*g, Arc::clone(phase)),
             None => {
                 let phase = Arc::new(Phase::table(&angles, &values));
-                let g = phase.moments(1)[1];
+                let g = phase.asymmetry();
                 made.push((values, g, Arc::clone(&phase)));
                 (g, phase)
             }

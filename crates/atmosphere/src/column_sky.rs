@@ -21,7 +21,7 @@ use crate::ladder::Ladder;
 use crate::medium::{Layer, Medium, Strata};
 use crate::radiance::{
     Fan, FieldSuns, Gathered, Lattice, Look, Optics, Projected, Sight, SunDepths, SunRays, Weighed, arriving_at,
-    gather, gather_ground, solve_entry,
+    gather, gather_ground, project, solve_entry,
 };
 use crate::ray::Shells;
 use crate::solver::{Field, Solution};
@@ -47,8 +47,8 @@ pub(crate) struct ColumnAir {
     pub ladder: LadderOf,
     /// E_s at 1 au.
     pub solar: Vec<f64>,
-    /// Ground albedo.
-    pub albedo: Vec<f64>,
+    /// Ground albedo, of each ground that the sky is wanted over.
+    pub albedos: Vec<Vec<f64>>,
     /// What a plan is told.
     pub notes: Vec<String>,
 }
@@ -58,8 +58,8 @@ const FLUX_STREAMS: usize = 8;
 /// A sun lower than this leaves the air dark \[rad\]: at 98° the zenith has lost all but 1e-4 of its light.
 const DARK: f64 = 98.0 * PI / 180.0;
 
-/// Solves a column under many suns.
-pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Settings) -> Vec<Box<dyn SkyState>> {
+/// Solves a column under many suns: the skies by ground and sun.
+pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Settings) -> Vec<Vec<Box<dyn SkyState>>> {
     let shells = Shells::new(&air.strata, settings.spherical);
     let n = air.media.len();
     let lit: Vec<bool> = suns.iter().map(|sun| sun.true_zenith < DARK).collect();
@@ -85,24 +85,38 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
     let optics: Vec<Optics> =
         ladder.columns.par_iter().map(|medium| Optics::in_parts(medium, &shells, settings.streams, &parts)).collect();
     let places: Vec<usize> = optics.iter().map(|optics| lattices.of(&shells, optics, &zeniths)).collect();
-    let solved: Vec<Solution> = (optics.par_iter().zip(&places))
-        .map(|(optics, place)| solve_entry(optics, &lattices.fields[*place], settings.accuracy))
-        .collect();
-    let columns: Vec<Column> = (optics.into_iter().zip(&places).zip(solved))
-        .map(|((optics, place), solution)| Column { optics, lattice: *place, solution })
-        .collect();
-
     let nodes = Nodes::new();
-    let skies = match directional {
-        true => nodes.solve(&shells, &lattices, &columns, zeniths.len()),
-        false => Vec::new(),
-    };
+    let rays = if directional { nodes.rays(&shells, &lattices, zeniths.len(), settings.streams) } else { Vec::new() };
+    let keep = needs.path_heights.map_or(f64::INFINITY, |(_, high)| 1.1 * high.max(0.0) + 100.0);
+    let columns: Vec<Column> = (optics.into_par_iter().zip(&places))
+        .map(|(optics, place)| {
+            let (lattice, fields) = (&lattices.lattices[*place], &lattices.fields[*place]);
+            let solution = solve_entry(&optics, fields, settings.accuracy);
+            let depths: Vec<SunDepths> = lattices.rays[*place].iter().map(|sun| sun.depths(&optics)).collect();
+            let sky = directional.then(|| nodes.solve(&rays[*place], &lattices, *place, &optics, &solution, &depths));
+            let first = lattice.first_below(keep);
+            let of_suns = paths.then(|| {
+                (depths.iter().zip(&zeniths).enumerate())
+                    .map(|(i, (depths, sun))| (depths.below(first), fields.field_of(&solution.beams, i, *sun, first)))
+                    .collect()
+            });
+            let ground = Field::mixed(std::slice::from_ref(&solution.ground), &[1.0], first);
+            Column { optics, lattice: *place, sky, lit: of_suns.unwrap_or_default(), ground }
+        })
+        .collect();
     let shapes: Vec<Shape> = match directional {
         true => Shape::of_suns(&ladder.reference, &shells, &zeniths, settings),
         false => Vec::new(),
     };
+    let mut skies = Vec::new();
+    let mut by_sun: Vec<Vec<(SunDepths, Field)>> = vec![Vec::new(); zeniths.len()];
+    let mut grounds = Vec::new();
+    for column in columns {
+        skies.extend(column.sky);
+        by_sun.iter_mut().zip(column.lit).for_each(|(all, lit)| all.push(lit));
+        grounds.push((column.optics, column.lattice, column.ground));
+    }
 
-    let keep = needs.path_heights.map_or(f64::INFINITY, |(_, high)| 1.1 * high.max(0.0) + 100.0);
     let per_metre = |of: fn(&Layer) -> f64| -> Vec<Vec<f64>> {
         let of_medium = |medium: &Medium| {
             let heights = air.strata.heights.windows(2);
@@ -115,62 +129,50 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
         scattering: per_metre(|layer| layer.scattering.iter().sum()),
         peak: fluxes.iter().map(|flux| flux.peak.clone()).collect(),
         shares: ladder.shares,
-        lattices: lattices.lattices.clone(),
-        grounds: match paths {
-            true => (columns.iter())
-                .map(|column| {
-                    let first = lattices.lattices[column.lattice].first_below(keep);
-                    let ground = Field::mixed(std::slice::from_ref(&column.solution.ground), &[1.0], first);
-                    (column.optics.clone(), column.lattice, ground)
-                })
-                .collect(),
-            false => Vec::new(),
-        },
+        lattices: lattices.lattices,
+        grounds,
         streams: settings.streams,
         usual: ladder.reference.layers.iter().map(|layer| layer.scattering.iter().sum()).collect(),
         notes: air.notes,
         shells,
     });
+    let by_sun: Vec<Arc<Vec<(SunDepths, Field)>>> = by_sun.into_iter().map(Arc::new).collect();
     let mut next = 0..;
     let places: Vec<Option<usize>> = lit.iter().map(|lit| lit.then(|| next.next().unwrap_or(0))).collect();
-    (suns.par_iter().zip(places))
-        .map(|(sun, place)| -> Box<dyn SkyState> {
-            let mut state = ColumnSkyState::dark(&shared, &air.solar, sun, n);
-            if sun.is_up()
-                && let Some(lengths) = shared.shells.towards_apparent(0.0, sun.apparent.zenith())
-            {
-                let through = |extinction: &Vec<f64>| {
-                    let depth: f64 = lengths.iter().zip(extinction).map(|(s, beta)| s * beta).sum();
-                    (-depth).exp()
-                };
-                state.transmittance = Spectrum::new(shared.extinction.iter().map(through).collect());
-            }
-            let Some(place) = place.filter(|_| diffuse) else { return Box::new(state) };
-            state.put_fluxes(&fluxes, place, &air.albedo);
-            if directional {
-                state.put_sky(&nodes, shapes[place].clone(), &skies, place, &fluxes);
-            }
-            if paths {
-                state.lit = (columns.iter())
-                    .map(|column| {
-                        let lattice = &lattices.lattices[column.lattice];
-                        let first = lattice.first_below(keep);
-                        let fields = &lattices.fields[column.lattice];
-                        let field = fields.field_of(&column.solution.beams, place, sun.true_zenith, first);
-                        (lattices.rays[column.lattice][place].depths(&column.optics).below(first), field)
-                    })
-                    .collect();
-            }
-            Box::new(state)
-        })
-        .collect()
+    let over = |albedo: &Vec<f64>| {
+        (suns.par_iter().zip(&places))
+            .map(|(sun, place)| -> Box<dyn SkyState> {
+                let mut state = ColumnSkyState::dark(&shared, &air.solar, sun, n);
+                if sun.is_up()
+                    && let Some(lengths) = shared.shells.towards_apparent(0.0, sun.apparent.zenith())
+                {
+                    let through = |extinction: &Vec<f64>| {
+                        let depth: f64 = lengths.iter().zip(extinction).map(|(s, beta)| s * beta).sum();
+                        (-depth).exp()
+                    };
+                    state.transmittance = Spectrum::new(shared.extinction.iter().map(through).collect());
+                }
+                let Some(place) = place.filter(|_| diffuse) else { return Box::new(state) };
+                state.put_fluxes(&fluxes, place, albedo);
+                if directional {
+                    state.put_sky(&nodes, shapes[place].clone(), &skies, place, &fluxes);
+                }
+                state.lit = Arc::clone(&by_sun[place]);
+                Box::new(state)
+            })
+            .collect()
+    };
+    air.albedos.iter().map(over).collect()
 }
 
 /// A column of the ladder, solved.
 struct Column {
     optics: Optics,
     lattice: usize,
-    solution: Solution,
+    sky: Option<NodeSky>,
+    /// By sun, and over a ground that shines, as far up as paths reach.
+    lit: Vec<(SunDepths, Field)>,
+    ground: Field,
 }
 
 /// Lattices, each once, with the rays to all suns.
@@ -278,76 +280,87 @@ impl Nodes {
         if zenith == 0 { &self.azimuths[..1] } else { &self.azimuths }
     }
 
-    /// The sky of every column at the nodes.
-    fn solve(&self, shells: &Shells, lattices: &Lattices, columns: &[Column], suns: usize) -> Vec<NodeSky> {
-        let streams = columns.first().map_or(0, |column| column.optics.streams());
-        // On a flat Earth every azimuth has the same suns.
-        let gathered = |zenith: f64| match (shells.is_round(), zenith > LOW) {
-            (true, true) => &GATHERED[..],
-            (true, false) => &FEW[..],
+    /// Azimuths at which light from a zenith angle is gathered: on a flat Earth every azimuth has the same suns.
+    fn gathered(round: bool, zenith: f64) -> &'static [f64] {
+        match (round, zenith > LOW) {
+            (true, true) => &GATHERED,
+            (true, false) => &FEW,
             (false, _) => &FEW[..1],
-        };
-        let mixes: Vec<Vec<Vec<f64>>> = (self.zeniths.iter().enumerate())
-            .map(|(j, zenith)| self.ring(j).iter().map(|a| azimuth_shares(gathered(*zenith), *a)).collect())
-            .collect();
-        // Rays and their suns, by lattice.
-        let rays: Vec<Vec<(Sight, Vec<Fan>)>> = (lattices.lattices.par_iter().enumerate())
+        }
+    }
+
+    /// Rays to the nodes and their suns, by lattice and zenith angle.
+    fn rays(&self, shells: &Shells, lattices: &Lattices, suns: usize, streams: usize) -> Vec<Vec<NodeRay>> {
+        (lattices.lattices.par_iter().enumerate())
             .map(|(l, lattice)| {
                 let all = (shells.top(), f64::INFINITY);
-                (self.zeniths.iter())
-                    .map(|zenith| {
+                (self.zeniths.iter().enumerate())
+                    .map(|(j, zenith)| {
                         let sight = Sight::new(shells, lattice, Look::Up, (0.0, *zenith), all, streams, streams);
-                        let azimuths = gathered(*zenith);
+                        let azimuths = Self::gathered(shells.is_round(), *zenith);
                         let fan = |sun| Fan::new(&sight, &lattices.rays[l][sun], &lattices.fields[l], sun, azimuths);
                         let fans = (0..suns).map(fan).collect();
-                        (sight, fans)
+                        let mixes = self.ring(j).iter().map(|a| azimuth_shares(azimuths, *a)).collect();
+                        NodeRay { sight, fans, mixes }
                     })
                     .collect()
             })
-            .collect();
-        (columns.par_iter())
-            .map(|column| {
-                let (optics, solution) = (&column.optics, &column.solution);
-                let suns = &lattices.rays[column.lattice];
-                let fields = &lattices.fields[column.lattice];
-                let depths: Vec<SunDepths> = suns.iter().map(|sun| sun.depths(optics)).collect();
-                let mut sky = NodeSky {
-                    by_sun: vec![vec![[0.0; 2]; self.len()]; suns.len()],
-                    by_ground: Vec::with_capacity(self.zeniths.len()),
-                    black: (suns.iter().enumerate())
-                        .map(|(i, sun)| {
-                            let direct = sun.to_ground(&optics.scaled) - sun.to_ground(&optics.extinction);
-                            fields.ground_flux(&solution.beams, i, sun.zenith) + sun.zenith.cos().max(0.0) * direct
-                        })
-                        .collect(),
-                    returned: solution.ground.arrives / PI,
-                };
-                let mut projected = vec![Projected::default(); solution.beams.len()];
-                for (j, (sight, fans)) in rays[column.lattice].iter().enumerate() {
-                    let weighed = Weighed::new(optics, sight);
-                    sky.by_ground.push(gather_ground(&weighed, &solution.ground));
-                    for (field, out) in solution.beams.iter().zip(&mut projected) {
-                        weighed.project(field, sight.is_flat(), out);
-                    }
-                    for ((sun, fan), (depths, out)) in suns.iter().zip(fans).zip(depths.iter().zip(&mut sky.by_sun)) {
-                        let all = gather(optics, sight, &weighed, fan, depths, &projected);
-                        for (k, azimuth) in self.ring(j).iter().enumerate() {
-                            let cos = cosine_between((self.zeniths[j], sun.zenith), *azimuth);
-                            let mixed;
-                            let one = if all.len() == 1 {
-                                &all[0]
-                            } else {
-                                mixed = Gathered::mixed(&all, &mixes[j][k]);
-                                &mixed
-                            };
-                            out[self.index(j, k)] = one.parts(optics, cos, *azimuth);
-                        }
-                    }
-                }
-                sky
-            })
             .collect()
     }
+
+    /// The sky of a column at the nodes.
+    fn solve(
+        &self,
+        rays: &[NodeRay],
+        lattices: &Lattices,
+        lattice: usize,
+        optics: &Optics,
+        solution: &Solution,
+        depths: &[SunDepths],
+    ) -> NodeSky {
+        let (suns, fields) = (&lattices.rays[lattice], &lattices.fields[lattice]);
+        let mut sky = NodeSky {
+            by_sun: vec![vec![[0.0; 2]; self.len()]; suns.len()],
+            by_ground: Vec::with_capacity(self.zeniths.len()),
+            black: (suns.iter().enumerate())
+                .map(|(i, sun)| {
+                    let direct = sun.to_ground(&optics.scaled) - sun.to_ground(&optics.extinction);
+                    fields.ground_flux(&solution.beams, i, sun.zenith) + sun.zenith.cos().max(0.0) * direct
+                })
+                .collect(),
+            returned: solution.ground.arrives / PI,
+        };
+        let mut projected = vec![Projected::default(); solution.beams.len()];
+        for (j, NodeRay { sight, fans, mixes }) in rays.iter().enumerate() {
+            let weighed = Weighed::new(optics, sight);
+            sky.by_ground.push(gather_ground(&weighed, &solution.ground));
+            for (field, out) in solution.beams.iter().zip(&mut projected) {
+                project(&weighed, field, fields.are_spread() && sight.is_flat(), out);
+            }
+            for ((sun, fan), (depths, out)) in suns.iter().zip(fans).zip(depths.iter().zip(&mut sky.by_sun)) {
+                let all = gather(optics, sight, &weighed, fan, depths, &projected);
+                for (k, (azimuth, mix)) in self.ring(j).iter().zip(mixes).enumerate() {
+                    let cos = cosine_between((self.zeniths[j], sun.zenith), *azimuth);
+                    let mixed;
+                    let one = if let [one] = all.as_slice() {
+                        one
+                    } else {
+                        mixed = Gathered::mixed(&all, mix);
+                        &mixed
+                    };
+                    out[self.index(j, k)] = one.parts(optics, cos, *azimuth);
+                }
+            }
+        }
+        sky
+    }
+}
+
+/// A ray to a ring of nodes: its suns, and what each node takes of the azimuths that are gathered.
+struct NodeRay {
+    sight: Sight,
+    fans: Vec<Fan>,
+    mixes: Vec<Vec<f64>>,
 }
 
 /// Of the angle between two directions of these zenith angles, `azimuth` apart.
@@ -400,7 +413,7 @@ impl Shape {
                 let weighed = Weighed::new(&optics, &sight);
                 let mut projected = vec![Projected::default(); solution.beams.len()];
                 for (field, out) in solution.beams.iter().zip(&mut projected) {
-                    weighed.project(field, sight.is_flat(), out);
+                    project(&weighed, field, fields.are_spread() && sight.is_flat(), out);
                 }
                 (zenith, sight, weighed, projected)
             })
@@ -530,7 +543,7 @@ struct ColumnSkyState {
     terms: Vec<Spectrum<Radiance>>,
     sky: Option<(Nodes, Shape)>,
     /// Of the columns.
-    lit: Vec<(SunDepths, Field)>,
+    lit: Arc<Vec<(SunDepths, Field)>>,
     /// What the air at the ground sends into directions, as far as they were asked for, at every entry.
     near: Vec<OnceLock<Vec<Source>>>,
 }
@@ -556,7 +569,7 @@ impl ColumnSkyState {
             shining: vec![0.0; n],
             terms: Vec::new(),
             sky: None,
-            lit: Vec::new(),
+            lit: Arc::default(),
             near: (0..(NEAR_ZENITHS + 1) * NEAR_AZIMUTHS).map(|_| OnceLock::new()).collect(),
         }
     }
@@ -644,13 +657,13 @@ impl ColumnSkyState {
         let mut projected = [Projected::default()];
         let mut seen = |(sight, fan): &(Sight, Fan), optics: &Optics, ground: &Field, lit: &(SunDepths, Field)| {
             let weighed = Weighed::new(optics, sight);
-            weighed.project(&lit.1, false, &mut projected[0]);
+            project(&weighed, &lit.1, false, &mut projected[0]);
             let gathered = gather(optics, sight, &weighed, fan, &lit.0, &projected).remove(0);
             let by_sun = gathered.radiance(optics, cos_scattering, between);
             (by_sun, gather_ground(&weighed, ground), weighed.transmittance())
         };
         let to_sun = self.to_sun(crossed, (low, high));
-        let columns = (shared.grounds.iter().zip(&self.lit))
+        let columns = (shared.grounds.iter().zip(self.lit.iter()))
             .map(|((optics, lattice, ground), lit)| {
                 let through = |of: &dyn Fn(usize) -> f64| crossed.iter().map(|(layer, s)| of(*layer) * s).sum::<f64>();
                 let scattered = through(&|layer| optics.scattered(layer));

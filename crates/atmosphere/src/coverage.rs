@@ -27,3 +27,11 @@ pub(crate) fn check(table: &str, (first, last): (f64, f64), grid: &SpectralGrid)
         }),
     }
 }
+
+/// Whether ground albedos have a value for every entry.
+pub(crate) fn albedos(albedos: &[Vec<f64>], grid: &SpectralGrid) -> Result<(), AtmosphereError> {
+    let due = grid.len();
+    let Some(found) = albedos.iter().map(Vec::len).find(|found| *found != due) else { return Ok(()) };
+    let message = format!("the ground albedo has {found} values where the spectral grid has {due}");
+    Err(AtmosphereError { code: "M04", message })
+}

@@ -185,14 +185,20 @@ impl Atmosphere for Layered {
         grid: &SpectralGrid,
         needs: &Needs,
     ) -> Result<Vec<Box<dyn SkyState>>, AtmosphereError> {
+        let albedos = std::slice::from_ref(&column.ground_albedo);
+        Ok(self.solve_over(albedos, column, suns, grid, needs)?.remove(0))
+    }
+
+    fn solve_over(
+        &self,
+        albedos: &[Vec<f64>],
+        column: &Column,
+        suns: &[Sun],
+        grid: &SpectralGrid,
+        needs: &Needs,
+    ) -> Result<Vec<Vec<Box<dyn SkyState>>>, AtmosphereError> {
         coverage::check("the TSIS-1 solar spectrum", HSRS.domain(), grid)?;
-        if column.ground_albedo.len() != grid.len() {
-            let (found, due) = (column.ground_albedo.len(), grid.len());
-            return Err(AtmosphereError {
-                code: "M04",
-                message: format!("the ground albedo has {found} values where the spectral grid has {due}"),
-            });
-        }
+        coverage::albedos(albedos, grid)?;
         let site = Site::new(column)?;
         let (full, own, own_grid) = (self.full, site.clone(), grid.clone());
         let air = ColumnAir {
@@ -203,7 +209,7 @@ impl Atmosphere for Layered {
                 if full { Ladder::of_every(media, ladder.reference) } else { ladder }
             }),
             solar: HSRS.on(grid),
-            albedo: column.ground_albedo.clone(),
+            albedos: albedos.to_vec(),
             notes: site.notes().to_vec(),
         };
         Ok(column_sky::solve(air, suns, needs, &self.settings))

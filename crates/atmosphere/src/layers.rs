@@ -661,6 +661,10 @@ impl Atmosphere for Layers {
         true
     }
 
+    fn check(&self, column: &Column, _: &[Sun], grid: &SpectralGrid, _: &Needs) -> Result<(), AtmosphereError> {
+        self.air(std::slice::from_ref(&column.ground_albedo), column, grid).map(drop)
+    }
+
     fn solve(
         &self,
         column: &Column,
@@ -668,6 +672,24 @@ impl Atmosphere for Layers {
         grid: &SpectralGrid,
         needs: &Needs,
     ) -> Result<Vec<Box<dyn SkyState>>, AtmosphereError> {
+        let albedos = std::slice::from_ref(&column.ground_albedo);
+        Ok(self.solve_over(albedos, column, suns, grid, needs)?.remove(0))
+    }
+
+    fn solve_over(
+        &self,
+        albedos: &[Vec<f64>],
+        column: &Column,
+        suns: &[Sun],
+        grid: &SpectralGrid,
+        needs: &Needs,
+    ) -> Result<Vec<Vec<Box<dyn SkyState>>>, AtmosphereError> {
+        Ok(column_sky::solve(self.air(albedos, column, grid)?, suns, needs, &self.settings))
+    }
+}
+
+impl Layers {
+    fn air(&self, albedos: &[Vec<f64>], column: &Column, grid: &SpectralGrid) -> Result<ColumnAir, AtmosphereError> {
         let solar = match &self.solar {
             Some(given) => none::on_grid("solar_irradiance", given, grid)?,
             None => {
@@ -675,14 +697,8 @@ impl Atmosphere for Layers {
                 HSRS.on(grid)
             }
         };
-        if column.ground_albedo.len() != grid.len() {
-            let (found, due) = (column.ground_albedo.len(), grid.len());
-            return Err(AtmosphereError {
-                code: "M04",
-                message: format!("the ground albedo has {found} values where the spectral grid has {due}"),
-            });
-        }
-        let air = ColumnAir {
+        coverage::albedos(albedos, grid)?;
+        Ok(ColumnAir {
             strata: Strata {
                 heights: self.bounds.clone(),
                 refractivity: vec![0.0; self.bounds.len()],
@@ -696,9 +712,8 @@ impl Atmosphere for Layers {
                 )
             },
             solar,
-            albedo: column.ground_albedo.clone(),
+            albedos: albedos.to_vec(),
             notes: self.notes.clone(),
-        };
-        Ok(column_sky::solve(air, suns, needs, &self.settings))
+        })
     }
 }

@@ -34,6 +34,7 @@ mod table;
 #[cfg(test)]
 mod validation;
 mod vertical;
+mod wide;
 
 pub use aerosol::{AEROSOLS, Aerosol, AerosolOptics};
 pub use column::{Cloud, Column, Sun};
@@ -102,4 +103,24 @@ pub trait Atmosphere: Send + Sync {
         grid: &SpectralGrid,
         needs: &Needs,
     ) -> Result<Vec<Box<dyn SkyState>>, AtmosphereError>;
+
+    /// The same over several grounds, whose albedos stand in place of the column's: the skies by ground and sun. Most of the
+    /// work does not depend on the ground either.
+    ///
+    /// # Errors
+    /// Those of `solve`.
+    fn solve_over(
+        &self,
+        albedos: &[Vec<f64>],
+        column: &Column,
+        suns: &[Sun],
+        grid: &SpectralGrid,
+        needs: &Needs,
+    ) -> Result<Vec<Vec<Box<dyn SkyState>>>, AtmosphereError> {
+        let over = |albedo: &Vec<f64>| {
+            let column = Column { ground_albedo: albedo.clone(), ..column.clone() };
+            self.solve(&column, suns, grid, needs)
+        };
+        albedos.iter().map(over).collect()
+    }
 }

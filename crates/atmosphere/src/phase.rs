@@ -38,6 +38,8 @@ enum Law {
 
 /// Moments that are taken of a table.
 const MOST_MOMENTS: usize = 500;
+/// Nodes of a panel of its quadrature.
+const PANEL: usize = 32;
 
 impl Phase {
     /// Molecules of depolarisation ρ.
@@ -88,6 +90,14 @@ impl Phase {
     /// P at the cosine of a scattering angle.
     pub fn value(&self, cos: f64) -> f64 {
         self.law.value(cos)
+    }
+
+    /// χ_1.
+    pub fn asymmetry(&self) -> f64 {
+        match &self.law {
+            Law::Table { .. } => self.law.project(1)[1],
+            _ => self.moments(1)[1],
+        }
     }
 
     /// χ_0 … χ_n at least.
@@ -153,24 +163,30 @@ impl Law {
     /// χ_l = ½ ∫ P P_l d(cos Θ), by Gauss–Legendre between the angles of a table.
     fn project(&self, n: usize) -> Vec<f64> {
         let Self::Table { angles, .. } = self else { unreachable!("only tables are projected") };
-        static NODES: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| gauss_legendre(32));
+        static NODES: LazyLock<Vec<(f64, f64)>> = LazyLock::new(|| gauss_legendre(PANEL));
         let mut chi = vec![0.0; n + 1];
+        let steps: Vec<(f64, f64)> =
+            (0..=n).map(|k| k as f64).map(|k| ((2.0 * k + 1.0) / (k + 1.0), k / (k + 1.0))).collect();
         for pair in angles.windows(2) {
             // A panel holds at most half a wave of the highest polynomial.
             let panels = ((pair[1] - pair[0]) * n as f64 / (8.0 * PI)).ceil().max(1.0) as usize;
             let width = (pair[1] - pair[0]) / panels as f64;
             for panel in 0..panels {
-                for (x, w) in NODES.iter() {
+                // Weight × P_l at the nodes of the panel, side by side.
+                let (mut cosines, mut before, mut now) = ([0.0; PANEL], [0.0; PANEL], [0.0; PANEL]);
+                for (i, (x, w)) in NODES.iter().enumerate() {
                     let angle = pair[0] + width * (panel as f64 + 0.5 * (1.0 + x));
-                    let cos = angle.cos();
-                    let weight = 0.25 * w * width * angle.sin() * self.value(cos);
-                    let (mut p0, mut p1) = (1.0, cos);
-                    chi[0] += weight;
-                    for (l, chi) in chi.iter_mut().enumerate().skip(1) {
-                        let k = l as f64;
-                        *chi += weight * p1;
-                        (p0, p1) = (p1, ((2.0 * k + 1.0) * cos * p1 - k * p0) / (k + 1.0));
+                    cosines[i] = angle.cos();
+                    now[i] = 0.25 * w * width * angle.sin() * self.value(cosines[i]);
+                }
+                for (chi, (up, down)) in chi.iter_mut().zip(&steps) {
+                    let mut sums = [0.0; 4];
+                    for i in 0..PANEL {
+                        sums[i % 4] += now[i];
+                        let next = up * cosines[i] * now[i] - down * before[i];
+                        (before[i], now[i]) = (now[i], next);
                     }
+                    *chi += (sums[0] + sums[1]) + (sums[2] + sums[3]);
                 }
             }
         }

@@ -19,12 +19,13 @@
 //! point [Dahlback1991 for the beam; Spurr2002 for the line of sight].
 
 use std::f64::consts::PI;
-use std::sync::Arc;
+use std::sync::{Arc, LazyLock};
 
 use crate::medium::Medium;
 use crate::phase::Phase;
 use crate::ray::{Shells, Stretch};
 use crate::solver::{Arriving, Beam, Field, STREAMS, Scaled, Solution, arriving, normalised, solve};
+use crate::wide::wide_too;
 
 /// A column at one entry, as the solver and the line of sight take it.
 #[derive(Clone, Debug)]
@@ -114,10 +115,6 @@ impl Optics {
         optics
     }
 
-    pub fn streams(&self) -> usize {
-        self.streams
-    }
-
     /// Scattering of a layer \[m⁻¹\].
     pub fn scattered(&self, layer: usize) -> f64 {
         self.scattering(layer).iter().sum()
@@ -158,18 +155,25 @@ impl Tail {
         let terms: Vec<f64> = (chi.iter().enumerate())
             .map(|(l, chi)| (2.0 * l as f64 + 1.0) * if l < streams { -f * f } else { (chi - f).powi(2) - f * f })
             .collect();
-        let values = (0..=Self::STEPS)
-            .map(|i| {
-                let cos = (PI * (i as f64 / Self::STEPS as f64).powi(2)).cos();
-                let (mut p0, mut p1, mut sum) = (1.0, cos, terms[0]);
-                for (l, term) in terms.iter().enumerate().skip(1) {
-                    let k = l as f64;
-                    sum += term * p1;
-                    (p0, p1) = (p1, ((2.0 * k + 1.0) * cos * p1 - k * p0) / (k + 1.0));
-                }
-                sum
-            })
-            .collect();
+        // P_l at the angles, row by row of l; the terms fall to nothing with χ.
+        static POLYNOMIALS: LazyLock<Vec<Vec<f64>>> = LazyLock::new(|| {
+            let cosines: Vec<f64> =
+                (0..=Tail::STEPS).map(|i| (PI * (i as f64 / Tail::STEPS as f64).powi(2)).cos()).collect();
+            let mut rows = vec![vec![1.0; cosines.len()], cosines.clone()];
+            for l in 1..Tail::MOMENTS {
+                let k = l as f64;
+                let next = (cosines.iter().zip(&rows[l]).zip(&rows[l - 1]))
+                    .map(|((cos, now), before)| ((2.0 * k + 1.0) * cos * now - k * before) / (k + 1.0));
+                let next = next.collect();
+                rows.push(next);
+            }
+            rows
+        });
+        let last = terms.iter().rposition(|term| term.abs() > 1e-12).unwrap_or(0);
+        let mut values = vec![0.0; Self::STEPS + 1];
+        for (term, row) in terms[..=last].iter().zip(POLYNOMIALS.iter()) {
+            values.iter_mut().zip(row).for_each(|(sum, p)| *sum += term * p);
+        }
         Some(Self { values })
     }
 
@@ -326,32 +330,32 @@ impl SunDepths {
     }
 
     /// At a point of a ray for the sun that stands over it.
+    #[inline(always)]
     fn at(&self, point: &Point, sun: &SunAt) -> f64 {
         let n = self.offsets.count();
-        let mut sum = 0.0;
-        for (level, share) in point.levels() {
-            let row = &self.depths[level.saturating_sub(self.from) * n..][..n];
-            let Some([a, b, c]) = row.get(sun.column..sun.column + 3) else {
-                sum += share * row[0];
-                continue;
-            };
-            let [u, v, w] = sun.parabola;
-            sum += share
-                * match a.max(*b).max(*c) < BLOCKED {
-                    true => (u * a + v * b + w * c).max(0.0),
-                    // Beside the shadow of the Earth: the nearest.
-                    false => {
-                        if u > v && u > w {
-                            *a
-                        } else if w > v {
-                            *c
-                        } else {
-                            *b
-                        }
-                    }
-                };
+        if point.used == 1 {
+            return self.of_row(&self.depths[(point.levels[0].0.saturating_sub(self.from)) * n..][..n], sun);
         }
-        sum
+        let row = |level: usize| &self.depths[level.saturating_sub(self.from) * n..][..n];
+        point.levels().map(|(level, share)| share * self.of_row(row(level), sun)).sum()
+    }
+
+    /// By a parabola between the suns of a level.
+    #[inline(always)]
+    fn of_row(&self, row: &[f64], sun: &SunAt) -> f64 {
+        let Some([a, b, c]) = row.get(sun.column..sun.column + 3) else { return row[0] };
+        let [u, v, w] = sun.parabola;
+        if a.max(*b).max(*c) < BLOCKED {
+            return (u * a + v * b + w * c).max(0.0);
+        }
+        // Beside the shadow of the Earth: the nearest.
+        if u > v && u > w {
+            *a
+        } else if w > v {
+            *c
+        } else {
+            *b
+        }
     }
 
     fn tail_at(&self, point: &Point) -> f64 {
@@ -421,7 +425,7 @@ impl FieldSuns {
     }
 
     /// Whether fields stand for suns of a fixed row, not for the site's own.
-    fn are_spread(&self) -> bool {
+    pub fn are_spread(&self) -> bool {
         self.places.iter().any(Option::is_some)
     }
 
@@ -472,14 +476,6 @@ impl Point {
     }
 }
 
-/// A stretch of a ray in one part of a layer: its ends and its middle are points 2i, 2i + 1, 2i + 2.
-#[derive(Clone, Debug)]
-struct Step {
-    layer: usize,
-    /// Between the points \[m\].
-    lengths: [f64; 2],
-}
-
 /// Which end of a ray looks at the other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Look {
@@ -492,7 +488,10 @@ pub(crate) enum Look {
 /// A ray through a lattice, from whoever looks.
 #[derive(Clone, Debug)]
 pub(crate) struct Sight {
-    steps: Vec<Step>,
+    /// Layers of the parts that it crosses; ends and middle of the ith are points 2i, 2i + 1, 2i + 2.
+    layers: Vec<usize>,
+    /// Between the points \[m\].
+    lengths: Vec<f64>,
     points: Vec<Point>,
     /// Λ_l^m of the light's direction at each point, orders one after another; one set where the ray is straight.
     legendre: Vec<Vec<f64>>,
@@ -514,7 +513,7 @@ impl Sight {
         streams: usize,
         orders: usize,
     ) -> Self {
-        let (mut steps, mut points): (Vec<Step>, Vec<Point>) = (Vec::new(), Vec::new());
+        let (mut layers, mut lengths, mut points) = (Vec::new(), Vec::new(), Vec::<Point>::new());
         let mut rest = longest;
         'ray: for stretch in shells.rising(from, zenith, end) {
             for part in lattice.parts(stretch.layer) {
@@ -535,7 +534,8 @@ impl Sight {
                 for h in &heights[usize::from(!points.is_empty())..] {
                     points.push(Point::new(shells, &stretch, part, *h, (top, bottom)));
                 }
-                steps.push(Step { layer: stretch.layer, lengths: [along[1] - along[0], along[2] - along[1]] });
+                layers.push(stretch.layer);
+                lengths.extend([along[1] - along[0], along[2] - along[1]]);
                 rest -= whole;
                 if rest <= 0.0 {
                     break 'ray;
@@ -543,8 +543,8 @@ impl Sight {
             }
         }
         if look == Look::Down {
-            steps.reverse();
-            steps.iter_mut().for_each(|step| step.lengths.reverse());
+            layers.reverse();
+            lengths.reverse();
             points.reverse();
         }
         let table = |cosine: f64| {
@@ -563,7 +563,7 @@ impl Sight {
             true => vec![table(0.5 * (low + high))],
             false => cosines().map(table).collect(),
         };
-        Self { steps, points, legendre, streams }
+        Self { layers, lengths, points, legendre, streams }
     }
 
     /// Whether the sun changes along the ray by more than the sun of one place can stand for.
@@ -618,6 +618,11 @@ const MEANS: usize = 5;
 const MEAN_STEP: f64 = 0.005;
 
 impl Fan {
+    /// Whether the fields change along a ray by so much that each level has its own.
+    pub fn draws_by_level(&self, sight: &Sight) -> bool {
+        self.spread && sight.is_flat()
+    }
+
     /// Field and shares at an azimuth for light from an angle at the Earth's centre \[rad\].
     fn mean(&self, azimuth: usize, centre: f64) -> (usize, [f64; 4]) {
         let means = &self.means[azimuth];
@@ -687,6 +692,8 @@ pub(crate) struct Weighed {
     centres: Vec<f64>,
     /// What c_l^m counts for, by m, level and l.
     kernel: Vec<Vec<f64>>,
+    /// Between the points: half of what peaked scatterers scatter \[m⁻¹\], and q_ray.
+    tail: (Vec<f64>, Vec<f64>),
 }
 
 impl Weighed {
@@ -696,9 +703,17 @@ impl Weighed {
         let mut passed = vec![0.0f64; n];
         // What c_l^m Λ_l^m counts for, by point and l.
         let mut coefficients = vec![0.0; n * streams];
-        for (s, step) in sight.steps.iter().enumerate() {
-            let beta = optics.scaled[step.layer];
-            let [near, far] = step.lengths.map(|length| length * beta);
+        let mut tail = (Vec::with_capacity(n), Vec::with_capacity(n));
+        let mut tail_passed = 0.0;
+        for (s, layer) in sight.layers.iter().enumerate() {
+            let beta = optics.scaled[*layer];
+            let [near, far] = [2 * s, 2 * s + 1].map(|half| sight.lengths[half] * beta);
+            for half in [2 * s, 2 * s + 1] {
+                let own = optics.tail[*layer] * sight.lengths[half];
+                tail.0.push(0.5 * optics.tail[*layer]);
+                tail.1.push(tail_passed + 0.5 * own);
+                tail_passed += own;
+            }
             let so_far = passed[2 * s];
             (passed[2 * s + 1], passed[2 * s + 2]) = (so_far + near, so_far + near + far);
             let depth = near + far;
@@ -709,7 +724,7 @@ impl Weighed {
             for (i, weight) in parabola(depth, near / depth).into_iter().enumerate() {
                 let weight = weight * transmitted;
                 let row = &mut coefficients[(2 * s + i) * streams..][..streams];
-                row.iter_mut().zip(&optics.layers[step.layer].coupling).for_each(|(k, c)| *k += weight * c);
+                row.iter_mut().zip(&optics.layers[*layer].coupling).for_each(|(k, c)| *k += weight * c);
             }
         }
         let levels = || sight.points.iter().flat_map(Point::levels).map(|(level, _)| level);
@@ -731,40 +746,43 @@ impl Weighed {
                 }
             }
         }
-        Self { passed, first, centres, kernel }
+        Self { passed, first, centres, kernel, tail }
     }
 
     /// Scaled transmittance of the whole ray.
     pub fn transmittance(&self) -> f64 {
         self.passed.last().map_or(1.0, |depth| (-depth).exp())
     }
+}
 
+wide_too! {
     /// What a ray draws from a field; by level too where wanted.
-    pub fn project(&self, field: &Field, by_level: bool, out: &mut Projected) {
+    pub(crate) fn project(weighed: &Weighed, field: &Field, by_level: bool, out: &mut Projected) {
         out.total.clear();
         out.levels.clear();
-        let above = (2 * field.first).saturating_sub(self.first).min(self.centres.len()); // levels that were dropped
-        let from = (self.first + above).saturating_sub(2 * field.first);
-        let count = self.centres.len() - above;
-        for (rows, kernel) in field.orders.iter().zip(&self.kernel) {
-            let width = kernel.len() / self.centres.len().max(1);
+        let levels = weighed.centres.len();
+        let above = (2 * field.first).saturating_sub(weighed.first).min(levels); // levels that were dropped
+        let from = (weighed.first + above).saturating_sub(2 * field.first);
+        let count = levels - above;
+        for (rows, kernel) in field.orders.iter().zip(&weighed.kernel) {
+            let width = kernel.len() / levels.max(1);
             out.total.push(dot(&kernel[above * width..], &rows[from * width..][..count * width]));
         }
         let (mut light, mut moment) = (0.0, 0.0);
-        if let (Some(rows), Some(kernel)) = (field.orders.first(), self.kernel.first()) {
-            let width = kernel.len() / self.centres.len().max(1);
-            for (k, centre) in self.centres.iter().enumerate().skip(above) {
+        if let (Some(rows), Some(kernel)) = (field.orders.first(), weighed.kernel.first()) {
+            let width = kernel.len() / levels.max(1);
+            for (k, centre) in weighed.centres.iter().enumerate().skip(above) {
                 let own = dot(&kernel[k * width..][..width], &rows[(from + k - above) * width..][..width]).abs();
                 light += own;
                 moment += own * centre;
             }
         }
         out.centre = if light > 0.0 { moment / light } else { 0.0 };
-        out.first = self.first + above;
+        out.first = weighed.first + above;
         if by_level {
             for k in 0..count {
-                for (rows, kernel) in field.orders.iter().zip(&self.kernel) {
-                    let width = kernel.len() / self.centres.len();
+                for (rows, kernel) in field.orders.iter().zip(&weighed.kernel) {
+                    let width = kernel.len() / levels;
                     out.levels.push(dot(&kernel[(above + k) * width..][..width], &rows[(from + k) * width..][..width]));
                 }
             }
@@ -799,17 +817,19 @@ impl Projected {
 /// A ray flatter than this sees the sun change along its way \[cosine\]; for others the sun of the mean place serves.
 const FLAT: f64 = 0.2;
 
-/// Σ a b, in four sums side by side.
+/// Σ a b, in eight sums side by side.
+#[inline(always)]
 fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 4];
-    let (mut a4, mut b4) = (a.chunks_exact(4), b.chunks_exact(4));
-    for (a, b) in a4.by_ref().zip(b4.by_ref()) {
-        for k in 0..4 {
+    let mut sums = [0.0; 8];
+    let (mut a8, mut b8) = (a.chunks_exact(8), b.chunks_exact(8));
+    for (a, b) in a8.by_ref().zip(b8.by_ref()) {
+        for k in 0..8 {
             sums[k] += a[k] * b[k];
         }
     }
-    let rest: f64 = a4.remainder().iter().zip(b4.remainder()).map(|(a, b)| a * b).sum();
-    (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
+    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
+    let halves: [f64; 4] = std::array::from_fn(|k| sums[k] + sums[k + 4]);
+    (halves[0] + halves[2]) + (halves[1] + halves[3]) + rest
 }
 
 /// What a ray gathers at one azimuth: light scattered once by each phase function without its P(Θ), and light scattered
@@ -876,58 +896,50 @@ impl Gathered {
     }
 }
 
-/// Gathers light along a ray for one sun of unit irradiance, at every azimuth of the fan; `projected` is what the points give
-/// in each of the fields that the fan draws on, counted from its first.
-pub(crate) fn gather(
-    optics: &Optics,
-    sight: &Sight,
-    weighed: &Weighed,
-    fan: &Fan,
-    depths: &SunDepths,
-    projected: &[Projected],
-) -> Vec<Gathered> {
-    let n = sight.points.len();
-    let orders = projected.iter().map(|p| p.total.len()).max().unwrap_or(0);
-    let flat = fan.spread && sight.is_flat();
-    let mut light = vec![(0.0, 0.0); n];
-    let tails: Vec<f64> = match optics.twice {
-        Some(_) => sight.points.iter().map(|point| depths.tail_at(point)).collect(),
-        None => Vec::new(),
-    };
-    (0..fan.azimuths)
-        .map(|azimuth| {
+wide_too! {
+    /// Gathers light along a ray for one sun of unit irradiance, at every azimuth of the fan; `projected` is what the points
+    /// give in each of the fields that the fan draws on, counted from its first.
+    pub(crate) fn gather(
+        optics: &Optics,
+        sight: &Sight,
+        weighed: &Weighed,
+        fan: &Fan,
+        depths: &SunDepths,
+        projected: &[Projected]
+    ) -> Vec<Gathered> {
+        let n = sight.points.len();
+        let orders = projected.iter().map(|p| p.total.len()).max().unwrap_or(0);
+        let by_level = fan.draws_by_level(sight);
+        let (mut depth, mut light, mut got) = (vec![0.0; n], vec![0.0; n], vec![0.0; sight.lengths.len()]);
+        // Half of q along the ray, and of q towards the sun.
+        let mut q: Vec<f64> = Vec::new();
+        if optics.twice.is_some() {
+            let tails: Vec<f64> = sight.points.iter().map(|point| depths.tail_at(point)).collect();
+            q.extend(tails.windows(2).zip(&weighed.tail.1).map(|(tails, q_ray)| 0.5 * (tails[0] + tails[1]) + q_ray));
+        }
+        let mut all = Vec::with_capacity(fan.azimuths);
+        for azimuth in 0..fan.azimuths {
             let suns = &fan.suns[azimuth * n..][..n];
             let mut gathered = Gathered { once: vec![0.0; optics.phases.len()], orders: vec![0.0; orders], twice: 0.0 };
             // Depth by way of each point, sun and ray together, and what comes through.
-            for ((light, point), (sun, passed)) in
-                light.iter_mut().zip(&sight.points).zip(suns.iter().zip(&weighed.passed))
-            {
-                let depth = depths.at(point, sun) + passed;
-                *light = (depth, if depth < 700.0 { (-depth).exp() } else { 0.0 });
+            for i in 0..n {
+                depth[i] = depths.at(&sight.points[i], &suns[i]) + weighed.passed[i];
             }
-            let mut tail_passed = 0.0;
-            for (s, step) in sight.steps.iter().enumerate() {
-                let mut whole = 0.0;
-                let tail = optics.tail[step.layer];
-                for half in 0..2 {
-                    let i = 2 * s + half;
-                    let ((near, a), (far, b)) = (light[i], light[i + 1]);
-                    let length = step.lengths[half];
-                    if a > 0.0 || b > 0.0 {
-                        // The depth runs straight between the points: ∫ e^(−x), exact for one layer of a flat Earth.
-                        let fall = far - near;
-                        let mean = if fall.abs() > 1e-4 { (a - b) / fall } else { a * (1.0 - 0.5 * fall) };
-                        let got = mean * length * (0.25 / PI);
-                        whole += got;
-                        if tail > 0.0 {
-                            let q_ray = tail_passed + 0.5 * tail * length;
-                            gathered.twice += tail * got * 0.5 * (0.5 * (tails[i] + tails[i + 1]) + q_ray);
-                        }
-                    }
-                    tail_passed += tail * length;
-                }
-                let scattering = optics.scattering(step.layer);
-                gathered.once.iter_mut().zip(scattering).for_each(|(k, beta)| *k += beta * whole);
+            for (light, depth) in light.iter_mut().zip(&depth) {
+                *light = if *depth < 700.0 { (-depth).exp() } else { 0.0 };
+            }
+            // The depth runs straight between the points: ∫ e^(−x), exact for one layer of a flat Earth.
+            for (i, got) in got.iter_mut().enumerate() {
+                let (fall, a, b) = (depth[i + 1] - depth[i], light[i], light[i + 1]);
+                let mean = if fall.abs() > 1e-4 { (a - b) / fall } else { a * (1.0 - 0.5 * fall) };
+                *got = mean * sight.lengths[i] * (0.25 / PI);
+            }
+            for ((got, tail), q) in got.iter().zip(&weighed.tail.0).zip(&q) {
+                gathered.twice += got * tail * q;
+            }
+            for (got, layer) in got.chunks_exact(2).zip(&sight.layers) {
+                let got = got[0] + got[1];
+                gathered.once.iter_mut().zip(optics.scattering(*layer)).for_each(|(k, beta)| *k += beta * got);
             }
             let mut add = |field: usize, k: usize, share: f64, i: Option<usize>| {
                 if share == 0.0 {
@@ -939,7 +951,7 @@ pub(crate) fn gather(
                 let row = i.map_or(&field.total[..], |i| &field.levels[level(i)..][..own]);
                 gathered.orders.iter_mut().zip(row).for_each(|(o, v)| *o += share * v);
             };
-            if flat {
+            if by_level {
                 for (i, sun) in suns.iter().enumerate() {
                     sun.cubic.iter().enumerate().for_each(|(k, share)| add(sun.field, k, *share, Some(i)));
                 }
@@ -947,15 +959,16 @@ pub(crate) fn gather(
                 let (field, cubic) = fan.mean(azimuth, projected.get(sun.field).map_or(0.0, |p| p.centre));
                 cubic.iter().enumerate().for_each(|(k, share)| add(field, k, *share, None));
             }
-            gathered
-        })
-        .collect()
+            all.push(gathered);
+        }
+        all
+    }
 }
 
 /// Light of a ground of radiance 1, gathered along a ray; it has no azimuth.
 pub(crate) fn gather_ground(weighed: &Weighed, ground: &Field) -> f64 {
     let mut projected = Projected::default();
-    weighed.project(ground, false, &mut projected);
+    project(weighed, ground, false, &mut projected);
     projected.light().max(0.0)
 }
 
@@ -1041,7 +1054,7 @@ impl Probe {
         let fan = Fan::new(&sight, &self.rays, &self.fields, 0, &[azimuth]);
         let mut projected = vec![Projected::default(); self.solution.beams.len()];
         for (field, out) in self.solution.beams.iter().zip(&mut projected) {
-            weighed.project(field, sight.is_flat(), out);
+            project(&weighed, field, fan.draws_by_level(&sight), out);
         }
         let gathered = gather(&self.optics, &sight, &weighed, &fan, &self.depths, &projected).remove(0);
         (gathered, gather_ground(&weighed, &self.solution.ground), weighed.passed[weighed.passed.len() - 1])

@@ -138,11 +138,11 @@ fn solved(strata: &Strata, media: &[Medium], albedo: f64, suns: &[f64], settings
         media: media.to_vec(),
         ladder: Box::new(move |media| Ladder::of_every(media, reference.clone())),
         solar: vec![1.0; media.len()],
-        albedo: vec![albedo; media.len()],
+        albedos: vec![vec![albedo; media.len()]],
         notes: Vec::new(),
     };
     let suns: Vec<Sun> = suns.iter().map(|zenith| Sun::at(*zenith, 0.0)).collect();
-    column_sky::solve(air, &suns, &ALL, settings)
+    column_sky::solve(air, &suns, &ALL, settings).remove(0)
 }
 
 /// What the sky is between the directions at which it is known, against light gathered along the very direction; its shape

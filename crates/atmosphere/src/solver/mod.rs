@@ -26,11 +26,12 @@ mod legendre;
 mod matrix;
 mod quadrature;
 
-
 use layer::{Lit, Operator, Slab, Source};
 pub(crate) use legendre::normalised;
 use matrix::{Eigen, Matrix, Sizes, Vector, apply_transposed, dot, inverse, product, transpose};
 use quadrature::{Order, Quadrature};
+
+use crate::wide::wide_too;
 
 /// A layer as the solver takes it, delta-scaled.
 #[derive(Clone, Debug)]
@@ -109,45 +110,30 @@ pub(crate) struct Arriving {
 /// The numbers of streams that the solver knows.
 pub(crate) const STREAMS: [usize; 5] = [4, 8, 16, 32, 64];
 
-/// Defines a function of N = streams / 2 that is compiled twice, for wide vectors where the machine has them. Neither way
-/// fuses a product with a sum, so that both give the same bits.
-macro_rules! for_streams {
-    ($(#[$doc:meta])* $name:ident => $body:ident($($argument:ident: $type:ty),*) -> $out:ty) => {
-        $(#[$doc])*
-        pub(crate) fn $name(streams: usize, $($argument: $type),*) -> $out {
-            #[inline(always)]
-            fn any(streams: usize, $($argument: $type),*) -> $out {
-                match streams {
-                    4 => $body::<2>($($argument),*),
-                    8 => $body::<4>($($argument),*),
-                    16 => $body::<8>($($argument),*),
-                    32 => $body::<16>($($argument),*),
-                    _ => $body::<32>($($argument),*),
-                }
-            }
-            #[cfg(target_arch = "x86_64")]
-            {
-                #[target_feature(enable = "avx2")]
-                fn wide(streams: usize, $($argument: $type),*) -> $out {
-                    any(streams, $($argument),*)
-                }
-                if std::arch::is_x86_feature_detected!("avx2") {
-                    // SAFETY: the machine has just been found to have what the function is compiled for.
-                    return unsafe { wide(streams, $($argument),*) };
-                }
-            }
-            any(streams, $($argument),*)
+wide_too! {
+    /// Solves a stack with one of [`STREAMS`].
+    pub(crate) fn solve(streams: usize, layers: &[Scaled], beams: &[Beam], accuracy: f64) -> Solution {
+        match streams {
+            4 => stack::<2>(layers, beams, accuracy),
+            8 => stack::<4>(layers, beams, accuracy),
+            16 => stack::<8>(layers, beams, accuracy),
+            32 => stack::<16>(layers, beams, accuracy),
+            _ => stack::<32>(layers, beams, accuracy),
         }
-    };
+    }
 }
 
-for_streams! {
-    /// Solves a stack with one of [`STREAMS`].
-    solve => stack(layers: &[Scaled], beams: &[Beam], accuracy: f64) -> Solution
-}
-for_streams! {
+wide_too! {
     /// What arrives at the ground, of the order m = 0 alone.
-    arriving => adjoint(layers: &[Scaled], beams: &[Beam]) -> Arriving
+    pub(crate) fn arriving(streams: usize, layers: &[Scaled], beams: &[Beam]) -> Arriving {
+        match streams {
+            4 => adjoint::<2>(layers, beams),
+            8 => adjoint::<4>(layers, beams),
+            16 => adjoint::<8>(layers, beams),
+            32 => adjoint::<16>(layers, beams),
+            _ => adjoint::<32>(layers, beams),
+        }
+    }
 }
 
 #[inline(always)]
