@@ -17,7 +17,7 @@ use std::sync::{Arc, OnceLock};
 use rayon::prelude::*;
 use sunglint_radiometry::{Irradiance, Radiance, Spectrum, Transmittance, WorldDir};
 
-use crate::ladder::Ladder;
+use crate::ladder::{Ladder, Rung};
 use crate::medium::{Layer, Medium, Strata};
 use crate::radiance::{
     Fan, FieldSuns, Gathered, Lattice, Look, Optics, Projected, Sight, SunDepths, SunRays, Weighed, arriving_at,
@@ -55,6 +55,8 @@ pub(crate) struct ColumnAir {
 
 /// Streams that fluxes alone are solved with.
 const FLUX_STREAMS: usize = 8;
+/// And columns that only tell what a gas changes.
+const STREAMS_BESIDE: usize = 8;
 /// A sun lower than this leaves the air dark \[rad\]: at 98° the zenith has lost all but 1e-4 of its light.
 const DARK: f64 = 98.0 * PI / 180.0;
 
@@ -82,8 +84,12 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
         parts.iter_mut().zip(wanted).for_each(|(most, wanted)| *most = wanted.max(*most));
     }
     let mut lattices = Lattices::default();
-    let optics: Vec<Optics> =
-        ladder.columns.par_iter().map(|medium| Optics::in_parts(medium, &shells, settings.streams, &parts)).collect();
+    let optics: Vec<Optics> = (ladder.columns.par_iter())
+        .map(|Rung { medium, beside }| {
+            let streams = if *beside { settings.streams.min(STREAMS_BESIDE) } else { settings.streams };
+            Optics::in_parts(medium, &shells, streams, &parts)
+        })
+        .collect();
     let places: Vec<usize> = optics.iter().map(|optics| lattices.of(&shells, optics, &zeniths)).collect();
     let nodes = Nodes::new();
     let rays = if directional { nodes.rays(&shells, &lattices, zeniths.len(), settings.streams) } else { Vec::new() };

@@ -13,12 +13,19 @@ use crate::strata::Site;
 
 /// Columns to solve, and for every entry of a grid its columns and their shares.
 pub(crate) struct Ladder {
-    pub columns: Vec<Medium>,
+    pub columns: Vec<Rung>,
     pub shares: Vec<Vec<(usize, f64)>>,
     /// The column that gives the sky its general shape.
     pub reference: Medium,
     /// Columns that none scatters more than: all are cut in the parts that these want.
     pub densest: Vec<Medium>,
+}
+
+/// A column of the ladder.
+pub(crate) struct Rung {
+    pub medium: Medium,
+    /// Whether it only tells, beside another, what a gas changes: few streams do.
+    pub beside: bool,
 }
 
 /// Absorption in the column that says how layers are cut, so that they are thin for it too.
@@ -43,12 +50,12 @@ const REFERENCE: f64 = 0.55;
 
 impl Ladder {
     pub fn new(site: &Site, grid: &SpectralGrid) -> Self {
-        let mut known: HashMap<(i64, usize, usize), usize> = HashMap::new();
+        let mut known: HashMap<(i64, usize, usize, bool), usize> = HashMap::new();
         let mut keys = Vec::new();
         let shares = (grid.entries().iter().zip(site.absorbed(grid)))
             .map(|(entry, absorbed)| {
                 let mut shares = Vec::new();
-                let mut add = |key: (i64, usize, usize), share: f64| {
+                let mut add = |key: (i64, usize, usize, bool), share: f64| {
                     if share.abs() > 1e-12 {
                         let place = *known.entry(key).or_insert_with(|| {
                             keys.push(key);
@@ -59,21 +66,22 @@ impl Ladder {
                 };
                 let [water, oxygen] = absorbed.map(rungs);
                 let x = entry.wavelength.um().ln() / SPACING;
-                about(x).into_iter().for_each(|(k, share)| add((k, 0, 0), share));
+                about(x).into_iter().for_each(|(k, share)| add((k, 0, 0, false), share));
                 for (k, of_wavelength) in about(x / SPARSE as f64) {
                     let k = k * SPARSE;
-                    let mut add = |key: (i64, usize, usize), share: f64| {
-                        add(key, of_wavelength * share);
-                        add((k, 0, 0), -of_wavelength * share);
-                    };
-                    water.iter().for_each(|(i, share)| add((k, *i, 0), *share));
-                    oxygen.iter().for_each(|(j, share)| add((k, 0, *j), *share));
+                    let of_gases: f64 = water.iter().chain(&oxygen).map(|(_, share)| share).sum();
+                    water.iter().for_each(|(i, share)| add((k, *i, 0, true), of_wavelength * share));
+                    oxygen.iter().for_each(|(j, share)| add((k, 0, *j, true), of_wavelength * share));
+                    add((k, 0, 0, true), -of_wavelength * of_gases);
                 }
                 shares
             })
             .collect();
         let columns = (keys.iter())
-            .map(|(k, i, j)| site.absorbing(wavelength(*k), [*i, *j].map(|rung| SOFT * (RUNG * rung as f64).exp_m1())))
+            .map(|(k, i, j, beside)| {
+                let absorbed = [*i, *j].map(|rung| SOFT * (RUNG * rung as f64).exp_m1());
+                Rung { medium: site.absorbing(wavelength(*k), absorbed), beside: *beside }
+            })
             .collect();
         let densest = vec![site.absorbing(SHORTEST, DENSEST)];
         Self { columns, shares, reference: site.absorbing(REFERENCE, [0.0; 2]), densest }
@@ -82,13 +90,15 @@ impl Ladder {
     /// One column for entries that are all alike.
     pub fn of_all(media: &[Medium]) -> Self {
         let one = || media[0].clone();
-        Self { columns: vec![one()], shares: vec![vec![(0, 1.0)]; media.len()], reference: one(), densest: vec![one()] }
+        let columns = vec![Rung { medium: one(), beside: false }];
+        Self { columns, shares: vec![vec![(0, 1.0)]; media.len()], reference: one(), densest: vec![one()] }
     }
 
     /// Every entry its own.
     pub fn of_every(media: &[Medium], reference: Medium) -> Self {
         let shares = (0..media.len()).map(|i| vec![(i, 1.0)]).collect();
-        Self { columns: media.to_vec(), shares, reference, densest: media.to_vec() }
+        let columns = media.iter().map(|medium| Rung { medium: medium.clone(), beside: false }).collect();
+        Self { columns, shares, reference, densest: media.to_vec() }
     }
 }
 

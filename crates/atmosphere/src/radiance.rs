@@ -699,7 +699,7 @@ pub(crate) struct Weighed {
 impl Weighed {
     pub fn new(optics: &Optics, sight: &Sight) -> Self {
         let n = sight.points.len();
-        let streams = sight.streams;
+        let streams = optics.streams; // no more than the ray has
         let mut passed = vec![0.0f64; n];
         // What c_l^m Λ_l^m counts for, by point and l.
         let mut coefficients = vec![0.0; n * streams];
@@ -731,14 +731,14 @@ impl Weighed {
         let (first, last) = levels().fold((usize::MAX, 0), |(a, b), level| (a.min(level), b.max(level)));
         let count = if n == 0 { 0 } else { last - first + 1 };
         let mut centres = vec![0.0; count];
-        let orders = sight.legendre.first().map_or(0, |rows| orders_in(rows.len(), streams));
+        let orders = sight.legendre.first().map_or(0, |rows| orders_in(rows.len(), sight.streams)).min(streams);
         let mut kernel: Vec<Vec<f64>> = (0..orders).map(|m| vec![0.0; count * (streams - m)]).collect();
         for (i, (coefficients, point)) in coefficients.chunks(streams).zip(&sight.points).enumerate() {
             for (level, share) in point.levels() {
                 centres[level - first] = point.centre;
                 let mut legendre = sight.legendre(i);
                 for (m, kernel) in kernel.iter_mut().enumerate() {
-                    let (own, rest) = legendre.split_at(streams - m);
+                    let (own, rest) = legendre.split_at(sight.streams - m);
                     let row = &mut kernel[(level - first) * (streams - m)..][..streams - m];
                     let terms = coefficients[m..].iter().zip(own);
                     row.iter_mut().zip(terms).for_each(|(sum, (k, p))| *sum += share * k * p);
