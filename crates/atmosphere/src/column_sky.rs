@@ -11,6 +11,7 @@
 //! L_u = L_u′ + (τ₂′ − τ₂) L_behind                          and so is what it leaves on the line of sight
 //! ```
 
+use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::{Arc, OnceLock};
 
@@ -19,6 +20,7 @@ use sunglint_radiometry::{Irradiance, Radiance, Spectrum, Transmittance, WorldDi
 
 use crate::ladder::{Ladder, Rung};
 use crate::medium::{Layer, Medium, Strata};
+use crate::phase::Phase;
 use crate::radiance::{
     Fan, FieldSuns, Gathered, Lattice, Look, Optics, Projected, Sight, SunDepths, SunRays, Weighed, arriving_at,
     gather, gather_ground, project, solve_entry,
@@ -93,13 +95,15 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
     let places: Vec<usize> = optics.iter().map(|optics| lattices.of(&shells, optics, &zeniths)).collect();
     let nodes = Nodes::new();
     let rays = if directional { nodes.rays(&shells, &lattices, zeniths.len(), settings.streams) } else { Vec::new() };
+    let scattering = Scattering::new(&nodes, if directional { &zeniths } else { &[] }, &optics);
     let keep = needs.path_heights.map_or(f64::INFINITY, |(_, high)| 1.1 * high.max(0.0) + 100.0);
     let columns: Vec<Column> = (optics.into_par_iter().zip(&places))
         .map(|(optics, place)| {
             let (lattice, fields) = (&lattices.lattices[*place], &lattices.fields[*place]);
             let solution = solve_entry(&optics, fields, settings.accuracy);
             let depths: Vec<SunDepths> = lattices.rays[*place].iter().map(|sun| sun.depths(&optics)).collect();
-            let sky = directional.then(|| nodes.solve(&rays[*place], &lattices, *place, &optics, &solution, &depths));
+            let sky = directional
+                .then(|| nodes.solve((&rays[*place], &scattering), &lattices, *place, &optics, &solution, &depths));
             let first = lattice.first_below(keep);
             let of_suns = paths.then(|| {
                 (depths.iter().zip(&zeniths).enumerate())
@@ -317,7 +321,7 @@ impl Nodes {
     /// The sky of a column at the nodes.
     fn solve(
         &self,
-        rays: &[NodeRay],
+        (rays, scattering): (&[NodeRay], &Scattering),
         lattices: &Lattices,
         lattice: usize,
         optics: &Optics,
@@ -336,17 +340,18 @@ impl Nodes {
                 .collect(),
             returned: solution.ground.arrives / PI,
         };
+        let phases: Vec<Vec<f64>> = optics.phases.iter().map(|phase| scattering.values(phase)).collect();
         let mut projected = vec![Projected::default(); solution.beams.len()];
         for (j, NodeRay { sight, fans, mixes }) in rays.iter().enumerate() {
             let weighed = Weighed::new(optics, sight);
             sky.by_ground.push(gather_ground(&weighed, &solution.ground));
             for (field, out) in solution.beams.iter().zip(&mut projected) {
-                project(&weighed, field, fields.are_spread() && sight.is_flat(), out);
+                project(&weighed, field, fields.draws_by_level(sight), out);
             }
-            for ((sun, fan), (depths, out)) in suns.iter().zip(fans).zip(depths.iter().zip(&mut sky.by_sun)) {
+            for (i, (fan, (depths, out))) in fans.iter().zip(depths.iter().zip(&mut sky.by_sun)).enumerate() {
                 let all = gather(optics, sight, &weighed, fan, depths, &projected);
                 for (k, (azimuth, mix)) in self.ring(j).iter().zip(mixes).enumerate() {
-                    let cos = cosine_between((self.zeniths[j], sun.zenith), *azimuth);
+                    let place = i * self.len() + self.index(j, k);
                     let mixed;
                     let one = if let [one] = all.as_slice() {
                         one
@@ -354,11 +359,51 @@ impl Nodes {
                         mixed = Gathered::mixed(&all, mix);
                         &mixed
                     };
-                    out[self.index(j, k)] = one.parts(optics, cos, *azimuth);
+                    let value = |phase: usize| phases[phase][place];
+                    out[self.index(j, k)] = one.parts_of(optics, value, scattering.cosines[place], *azimuth);
                 }
             }
         }
         sky
+    }
+}
+
+/// The scattering angles at the nodes, and the tables there of phase functions that many columns mix.
+struct Scattering {
+    /// cos Θ, by sun and node.
+    cosines: Vec<f64>,
+    /// By address.
+    tables: HashMap<usize, Vec<f64>>,
+}
+
+impl Scattering {
+    fn new(nodes: &Nodes, zeniths: &[f64], optics: &[Optics]) -> Self {
+        let mut cosines = Vec::with_capacity(zeniths.len() * nodes.len());
+        for sun in zeniths {
+            for (j, zenith) in nodes.zeniths.iter().enumerate() {
+                cosines.extend(nodes.ring(j).iter().map(|azimuth| cosine_between((*zenith, *sun), *azimuth)));
+            }
+        }
+        let mut tables = HashMap::new();
+        for (_, part) in optics.iter().flat_map(|optics| &optics.phases).flat_map(Phase::parts) {
+            if part.is_table() {
+                let values = || cosines.iter().map(|cos| part.value(*cos)).collect();
+                tables.entry(Arc::as_ptr(&part) as usize).or_insert_with(values);
+            }
+        }
+        Self { cosines, tables }
+    }
+
+    /// P at every angle.
+    fn values(&self, phase: &Arc<Phase>) -> Vec<f64> {
+        let mut sums = vec![0.0; self.cosines.len()];
+        for (share, part) in phase.parts() {
+            match self.tables.get(&(Arc::as_ptr(&part) as usize)) {
+                Some(table) => sums.iter_mut().zip(table).for_each(|(sum, p)| *sum += share * p),
+                None => sums.iter_mut().zip(&self.cosines).for_each(|(sum, cos)| *sum += share * part.value(*cos)),
+            }
+        }
+        sums
     }
 }
 
@@ -419,7 +464,7 @@ impl Shape {
                 let weighed = Weighed::new(&optics, &sight);
                 let mut projected = vec![Projected::default(); solution.beams.len()];
                 for (field, out) in solution.beams.iter().zip(&mut projected) {
-                    project(&weighed, field, fields.are_spread() && sight.is_flat(), out);
+                    project(&weighed, field, fields.draws_by_level(&sight), out);
                 }
                 (zenith, sight, weighed, projected)
             })

@@ -32,11 +32,11 @@ pub(crate) struct Rung {
 const DENSEST: [f64; 2] = [0.3, 0.0];
 
 /// Distance of the wavelengths in ln λ.
-const SPACING: f64 = 0.04;
+const SPACING: f64 = 0.05;
 /// What a gas changes is known at every so many of them.
 const SPARSE: i64 = 6;
 /// Rungs lie at absorption optical depths a with ln(1 + a/`SOFT`) a multiple of this.
-const RUNG: f64 = 0.8;
+const RUNG: f64 = 0.9;
 const SOFT: f64 = 0.05;
 /// Less absorption than this is none: it changes the share of a direction by 1e-4.
 const NONE: f64 = 0.003;

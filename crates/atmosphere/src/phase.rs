@@ -92,6 +92,25 @@ impl Phase {
         self.law.value(cos)
     }
 
+    /// The phase functions that it mixes, and their shares; itself where it mixes none.
+    pub fn parts(self: &Arc<Self>) -> Vec<(f64, Arc<Self>)> {
+        match &self.law {
+            Law::Mix(parts) => {
+                let of = |(share, phase): &(f64, Arc<Self>)| {
+                    let share = *share;
+                    phase.parts().into_iter().map(move |(own, phase)| (share * own, phase))
+                };
+                parts.iter().flat_map(of).collect()
+            }
+            _ => vec![(1.0, Arc::clone(self))],
+        }
+    }
+
+    /// Whether it is looked up in a table.
+    pub fn is_table(&self) -> bool {
+        matches!(self.law, Law::Table { .. })
+    }
+
     /// χ_1.
     pub fn asymmetry(&self) -> f64 {
         match &self.law {

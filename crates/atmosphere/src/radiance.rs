@@ -230,21 +230,39 @@ impl Lattice {
     }
 }
 
-/// Suns beside the site's, to which depths are known \[deg\]: between these, a parabola.
-#[derive(Clone, Copy, Debug)]
+/// Suns beside the site's, to which depths are known from every level: between these, a parabola. The higher a level, the
+/// farther from the site a ray meets it.
+#[derive(Debug)]
 struct Offsets {
+    /// \[deg\]
     step: f64,
-    /// Nodes to each side.
-    reach: usize,
+    /// By level: where its row begins, and its suns to each side of the site's own.
+    rows: Vec<(usize, usize)>,
 }
 
 impl Offsets {
-    fn count(self) -> usize {
-        2 * self.reach + 1
+    fn new(shells: &Shells, lattice: &Lattice, zenith: f64) -> Self {
+        let step = if zenith < 70f64.to_radians() { 2.0 } else { 1.0 };
+        let mut rows = Vec::with_capacity(lattice.levels.len() + 1);
+        let mut start = 0;
+        for height in &lattice.levels {
+            let farthest = shells.farthest(*height).to_degrees();
+            let reach = if shells.is_round() { (1.05 * farthest / step).ceil() as usize + 1 } else { 0 };
+            rows.push((start, reach));
+            start += 2 * reach + 1;
+        }
+        Self { step, rows }
     }
-    fn all(self) -> impl Iterator<Item = f64> {
-        let reach = self.reach as i32;
-        (-reach..=reach).map(move |i| self.step * f64::from(i))
+
+    /// Of a level: steps from the site's own sun.
+    fn of(&self, level: usize) -> impl Iterator<Item = f64> + use<> {
+        let (reach, step) = (self.rows[level].1 as i32, self.step);
+        (-reach..=reach).map(move |i| step * f64::from(i))
+    }
+
+    /// Where the site's own sun stands.
+    fn own(&self, level: usize) -> usize {
+        self.rows[level].0 + self.rows[level].1
     }
 }
 
@@ -253,7 +271,7 @@ impl Offsets {
 pub(crate) struct SunRays {
     /// True zenith angle at the site \[rad\].
     pub zenith: f64,
-    offsets: Offsets,
+    offsets: Arc<Offsets>,
     /// By level and offset: lengths in the layers \[m\], or nothing where the Earth is in the way.
     lengths: Vec<Option<Vec<f64>>>,
 }
@@ -270,36 +288,29 @@ fn depth_along(lengths: &Option<Vec<f64>>, extinction: &[f64]) -> f64 {
 
 impl SunRays {
     pub fn new(shells: &Shells, lattice: &Lattice, zenith: f64) -> Self {
-        let offsets = match (shells.is_round(), zenith < 70f64.to_radians()) {
-            (false, _) => Offsets { step: 1.0, reach: 0 },
-            (true, true) => Offsets { step: 2.0, reach: 3 },
-            (true, false) => Offsets { step: 1.0, reach: 9 },
-        };
-        let mut lengths = Vec::with_capacity(lattice.levels.len() * offsets.count());
-        for height in &lattice.levels {
-            for offset in offsets.all() {
+        let offsets = Offsets::new(shells, lattice, zenith);
+        let mut lengths = Vec::new();
+        for (level, height) in lattice.levels.iter().enumerate() {
+            for offset in offsets.of(level) {
                 lengths.push(shells.towards_sun(*height, (zenith + offset.to_radians()).abs().min(PI)));
             }
         }
-        Self { zenith, offsets, lengths }
+        Self { zenith, offsets: Arc::new(offsets), lengths }
     }
 
     /// Transmittance of the beam to the ground, by an extinction per layer \[m⁻¹\].
     pub fn to_ground(&self, extinction: &[f64]) -> f64 {
-        (-depth_along(&self.lengths[self.lengths.len() - 1 - self.offsets.reach], extinction)).exp()
+        let ground = self.offsets.rows.len() - 1;
+        (-depth_along(&self.lengths[self.offsets.own(ground)], extinction)).exp()
     }
 
     /// Scaled optical depths towards the sun, and those of the peaked scatterers.
     pub fn depths(&self, optics: &Optics) -> SunDepths {
-        let n = self.offsets.count();
-        let tail = match optics.twice {
-            Some(_) => (self.lengths.chunks(n))
-                .map(|row| depth_along(&row[self.offsets.reach], &optics.tail).min(1e3))
-                .collect(),
-            None => Vec::new(),
-        };
+        let levels = 0..self.offsets.rows.len();
+        let own = |level| depth_along(&self.lengths[self.offsets.own(level)], &optics.tail).min(1e3);
+        let tail = if optics.twice.is_some() { levels.map(own).collect() } else { Vec::new() };
         let depths = self.lengths.iter().map(|lengths| depth_along(lengths, &optics.scaled)).collect();
-        SunDepths { offsets: self.offsets, from: 0, depths, tail }
+        SunDepths { offsets: Arc::clone(&self.offsets), from: 0, depths, tail }
     }
 }
 
@@ -309,7 +320,7 @@ const BLOCKED: f64 = 1e4;
 /// Scaled optical depths from the levels of a lattice to the sun.
 #[derive(Clone, Debug)]
 pub(crate) struct SunDepths {
-    offsets: Offsets,
+    offsets: Arc<Offsets>,
     /// Of the levels from this one down.
     from: usize,
     depths: Vec<f64>,
@@ -320,41 +331,43 @@ pub(crate) struct SunDepths {
 impl SunDepths {
     /// Those of the levels from a part down.
     pub fn below(&self, first: usize) -> Self {
-        let n = self.offsets.count();
         Self {
-            offsets: self.offsets,
+            offsets: Arc::clone(&self.offsets),
             from: 2 * first,
-            depths: self.depths[2 * first * n..].to_vec(),
+            depths: self.depths[self.offsets.rows[2 * first].0..].to_vec(),
             tail: self.tail.iter().skip(2 * first).copied().collect(),
         }
     }
 
     /// At a point of a ray for the sun that stands over it.
     #[inline(always)]
-    fn at(&self, point: &Point, sun: &SunAt) -> f64 {
-        let n = self.offsets.count();
+    fn at(&self, point: &Point, sun: SunAt) -> f64 {
         if point.used == 1 {
-            return self.of_row(&self.depths[(point.levels[0].0.saturating_sub(self.from)) * n..][..n], sun);
+            return self.of_level(point.levels[0].0, sun);
         }
-        let row = |level: usize| &self.depths[level.saturating_sub(self.from) * n..][..n];
-        point.levels().map(|(level, share)| share * self.of_row(row(level), sun)).sum()
+        point.levels().map(|(level, share)| share * self.of_level(level, sun)).sum()
     }
 
     /// By a parabola between the suns of a level.
     #[inline(always)]
-    fn of_row(&self, row: &[f64], sun: &SunAt) -> f64 {
-        let Some([a, b, c]) = row.get(sun.column..sun.column + 3) else { return row[0] };
-        let [u, v, w] = sun.parabola;
-        if a.max(*b).max(*c) < BLOCKED {
-            return (u * a + v * b + w * c).max(0.0);
+    fn of_level(&self, level: usize, sun: SunAt) -> f64 {
+        let (start, reach) = self.offsets.rows[level.max(self.from)];
+        let row = &self.depths[start - self.offsets.rows[self.from].0..][..2 * reach + 1];
+        if reach == 0 {
+            return row[0];
+        }
+        let reach = reach as i32;
+        let nearest = sun.nearest.clamp(1 - reach, reach - 1);
+        let t = sun.beyond + f64::from(sun.nearest - nearest);
+        let [a, b, c] = [-1, 0, 1].map(|i| row[(reach + nearest + i) as usize]);
+        if a.max(b).max(c) < BLOCKED {
+            return (0.5 * t * ((t - 1.0) * a + (t + 1.0) * c) + (1.0 - t * t) * b).max(0.0);
         }
         // Beside the shadow of the Earth: the nearest.
-        if u > v && u > w {
-            *a
-        } else if w > v {
-            *c
-        } else {
-            *b
+        match t {
+            t if t < -0.5 => a,
+            t if t > 0.5 => c,
+            _ => b,
         }
     }
 
@@ -425,8 +438,13 @@ impl FieldSuns {
     }
 
     /// Whether fields stand for suns of a fixed row, not for the site's own.
-    pub fn are_spread(&self) -> bool {
+    fn are_spread(&self) -> bool {
         self.places.iter().any(Option::is_some)
+    }
+
+    /// Whether the fields change along a ray by so much that each level has its own.
+    pub fn draws_by_level(&self, sight: &Sight) -> bool {
+        self.are_spread() && sight.is_flat()
     }
 
     /// T′ of each beam at the ground.
@@ -591,16 +609,15 @@ impl Point {
     }
 }
 
-/// The sun over a point of a ray.
-#[derive(Clone, Copy, Debug)]
+/// The sun over a point of a ray: the nearest of those to which depths are known, and how far it stands beyond.
+#[derive(Clone, Copy, Debug, Default)]
 struct SunAt {
-    /// Where its depths stand, and shares in a parabola.
-    column: usize,
-    parabola: [f64; 3],
-    /// Where its fields stand, and shares in a cubic.
-    field: usize,
-    cubic: [f64; 4],
+    nearest: i32,
+    beyond: f64,
 }
+
+/// Where a sun's fields stand, and their shares in a cubic.
+type FieldShares = (usize, [f64; 4]);
 
 /// The suns over the points of a ray at some azimuths from the sun's.
 #[derive(Clone, Debug)]
@@ -608,21 +625,16 @@ pub(crate) struct Fan {
     /// By azimuth and point.
     suns: Vec<SunAt>,
     azimuths: usize,
-    /// Whether there are fields for other suns than the site's.
-    spread: bool,
-    /// At each azimuth: fields and shares for points of angles at the Earth's centre k `MEAN_STEP`.
-    means: Vec<[(usize, [f64; 4]); MEANS]>,
+    /// By azimuth and point, where the fields change along the ray by so much that each level has its own.
+    fields: Vec<FieldShares>,
+    /// At each azimuth: for points of angles at the Earth's centre k `MEAN_STEP`.
+    means: Vec<[FieldShares; MEANS]>,
 }
 
 const MEANS: usize = 5;
 const MEAN_STEP: f64 = 0.005;
 
 impl Fan {
-    /// Whether the fields change along a ray by so much that each level has its own.
-    pub fn draws_by_level(&self, sight: &Sight) -> bool {
-        self.spread && sight.is_flat()
-    }
-
     /// Field and shares at an azimuth for light from an angle at the Earth's centre \[rad\].
     fn mean(&self, azimuth: usize, centre: f64) -> (usize, [f64; 4]) {
         let means = &self.means[azimuth];
@@ -639,46 +651,48 @@ impl Fan {
 impl Fan {
     /// For the `index`th sun of the site, at azimuths of the rising ray from its own \[rad\]; 0 rises towards the sun.
     pub fn new(sight: &Sight, rays: &SunRays, fields: &FieldSuns, index: usize, azimuths: &[f64]) -> Self {
-        let (cos_sun, sin_sun) = (rays.zenith.cos(), rays.zenith.sin());
-        let offsets = rays.offsets;
-        let mut suns = Vec::with_capacity(azimuths.len() * sight.points.len());
+        Self::over(sight, rays.zenith, &rays.offsets, fields, index, azimuths)
+    }
+
+    fn over(sight: &Sight, zenith: f64, offsets: &Offsets, fields: &FieldSuns, index: usize, azimuths: &[f64]) -> Self {
+        let (cos_sun, sin_sun) = (zenith.cos(), zenith.sin());
+        let round = offsets.rows[0].1 > 0;
+        let by_level = fields.draws_by_level(sight);
         let offset_at = |centre: f64, azimuth: f64| {
-            if centre == 0.0 || offsets.reach == 0 {
+            if centre == 0.0 || !round {
                 return 0.0;
             }
             let (sin, cos) = centre.sin_cos();
             let cosine = cos_sun * cos + sin_sun * sin * azimuth.cos();
-            (cosine.clamp(-1.0, 1.0).acos() - rays.zenith).to_degrees()
+            (cosine.clamp(-1.0, 1.0).acos() - zenith).to_degrees()
         };
-        let mut means = Vec::with_capacity(azimuths.len());
+        let mut fan = Self {
+            suns: Vec::with_capacity(azimuths.len() * sight.points.len()),
+            azimuths: azimuths.len(),
+            fields: Vec::new(),
+            means: Vec::with_capacity(azimuths.len()),
+        };
         for azimuth in azimuths {
-            let mean = |k: usize| fields.shares(index, rays.zenith, offset_at(MEAN_STEP * k as f64, *azimuth));
-            means.push(std::array::from_fn(mean));
+            let mean = |k: usize| fields.shares(index, zenith, offset_at(MEAN_STEP * k as f64, *azimuth));
+            fan.means.push(std::array::from_fn(mean));
             for point in &sight.points {
                 let offset = offset_at(point.centre, *azimuth);
-                let (column, parabola) = if offsets.reach == 0 {
-                    (0, [1.0, 0.0, 0.0])
-                } else {
-                    let last = (offsets.count() - 1) as f64;
-                    let x = (offset / offsets.step + offsets.reach as f64).clamp(0.0, last);
-                    let i = x.round().clamp(1.0, last - 1.0);
-                    let t = x - i;
-                    (i as usize - 1, [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)])
-                };
-                let (field, cubic) = fields.shares(index, rays.zenith, offset);
-                suns.push(SunAt { column, parabola, field, cubic });
+                let nearest = (offset / offsets.step).round();
+                fan.suns.push(SunAt { nearest: nearest as i32, beyond: offset / offsets.step - nearest });
+                if by_level {
+                    fan.fields.push(fields.shares(index, zenith, offset));
+                }
             }
         }
-        Self { suns, azimuths: azimuths.len(), spread: fields.are_spread(), means }
+        fan
     }
 }
 
 impl Fan {
     /// For one sun whose field stands alone.
     pub fn alone(sight: &Sight, zenith: f64, depths: &SunDepths, azimuth: f64) -> Self {
-        let rays = SunRays { zenith, offsets: depths.offsets, lengths: Vec::new() };
         let fields = FieldSuns { zeniths: Vec::new(), places: Vec::new(), lengths: Vec::new() };
-        Self::new(sight, &rays, &fields, 0, &[azimuth])
+        Self::over(sight, zenith, &depths.offsets, &fields, 0, &[azimuth])
     }
 }
 
@@ -850,10 +864,22 @@ impl Gathered {
 
     /// L in two parts: what varies slowly over the sky, and what peaked scatterers make of the beam.
     pub fn parts(&self, optics: &Optics, cos_scattering: f64, azimuth: f64) -> [f64; 2] {
+        self.parts_of(optics, |phase| optics.phases[phase].value(cos_scattering), cos_scattering, azimuth)
+    }
+
+    /// The same with the values of the phase functions.
+    #[inline]
+    pub fn parts_of(
+        &self,
+        optics: &Optics,
+        value: impl Fn(usize) -> f64,
+        cos_scattering: f64,
+        azimuth: f64,
+    ) -> [f64; 2] {
         let mut parts = [0.0; 2];
-        for ((k, phase), peaked) in self.once.iter().zip(&optics.phases).zip(&optics.peaked) {
+        for (phase, (k, peaked)) in self.once.iter().zip(&optics.peaked).enumerate() {
             if *k > 0.0 {
-                parts[usize::from(*peaked)] += k * phase.value(cos_scattering);
+                parts[usize::from(*peaked)] += k * value(phase);
             }
         }
         if let Some(tail) = &optics.twice {
@@ -909,7 +935,6 @@ wide_too! {
     ) -> Vec<Gathered> {
         let n = sight.points.len();
         let orders = projected.iter().map(|p| p.total.len()).max().unwrap_or(0);
-        let by_level = fan.draws_by_level(sight);
         let (mut depth, mut light, mut got) = (vec![0.0; n], vec![0.0; n], vec![0.0; sight.lengths.len()]);
         // Half of q along the ray, and of q towards the sun.
         let mut q: Vec<f64> = Vec::new();
@@ -923,7 +948,7 @@ wide_too! {
             let mut gathered = Gathered { once: vec![0.0; optics.phases.len()], orders: vec![0.0; orders], twice: 0.0 };
             // Depth by way of each point, sun and ray together, and what comes through.
             for i in 0..n {
-                depth[i] = depths.at(&sight.points[i], &suns[i]) + weighed.passed[i];
+                depth[i] = depths.at(&sight.points[i], suns[i]) + weighed.passed[i];
             }
             for (light, depth) in light.iter_mut().zip(&depth) {
                 *light = if *depth < 700.0 { (-depth).exp() } else { 0.0 };
@@ -951,13 +976,15 @@ wide_too! {
                 let row = i.map_or(&field.total[..], |i| &field.levels[level(i)..][..own]);
                 gathered.orders.iter_mut().zip(row).for_each(|(o, v)| *o += share * v);
             };
-            if by_level {
-                for (i, sun) in suns.iter().enumerate() {
-                    sun.cubic.iter().enumerate().for_each(|(k, share)| add(sun.field, k, *share, Some(i)));
-                }
-            } else if let Some(sun) = suns.first() {
-                let (field, cubic) = fan.mean(azimuth, projected.get(sun.field).map_or(0.0, |p| p.centre));
+            if fan.fields.is_empty() {
+                // Any field of the sun tells where most of its light comes from.
+                let centre = projected.get(fan.means[azimuth][0].0).map_or(0.0, |p| p.centre);
+                let (field, cubic) = fan.mean(azimuth, centre);
                 cubic.iter().enumerate().for_each(|(k, share)| add(field, k, *share, None));
+            } else {
+                for (i, (field, cubic)) in fan.fields[azimuth * n..][..n].iter().enumerate() {
+                    cubic.iter().enumerate().for_each(|(k, share)| add(*field, k, *share, Some(i)));
+                }
             }
             all.push(gathered);
         }
@@ -1054,7 +1081,7 @@ impl Probe {
         let fan = Fan::new(&sight, &self.rays, &self.fields, 0, &[azimuth]);
         let mut projected = vec![Projected::default(); self.solution.beams.len()];
         for (field, out) in self.solution.beams.iter().zip(&mut projected) {
-            project(&weighed, field, fan.draws_by_level(&sight), out);
+            project(&weighed, field, self.fields.draws_by_level(&sight), out);
         }
         let gathered = gather(&self.optics, &sight, &weighed, &fan, &self.depths, &projected).remove(0);
         (gathered, gather_ground(&weighed, &self.solution.ground), weighed.passed[weighed.passed.len() - 1])
