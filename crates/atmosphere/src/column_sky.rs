@@ -346,7 +346,7 @@ impl Nodes {
             let weighed = Weighed::new(optics, sight);
             sky.by_ground.push(gather_ground(&weighed, &solution.ground));
             for (field, out) in solution.beams.iter().zip(&mut projected) {
-                project(&weighed, field, fields.draws_by_level(sight), out);
+                project(&weighed, field, fields.draws_by_place(sight), out);
             }
             for (i, (fan, (depths, out))) in fans.iter().zip(depths.iter().zip(&mut sky.by_sun)).enumerate() {
                 let all = gather(optics, sight, &weighed, fan, depths, &projected);
@@ -464,7 +464,7 @@ impl Shape {
                 let weighed = Weighed::new(&optics, &sight);
                 let mut projected = vec![Projected::default(); solution.beams.len()];
                 for (field, out) in solution.beams.iter().zip(&mut projected) {
-                    project(&weighed, field, fields.draws_by_level(&sight), out);
+                    project(&weighed, field, fields.draws_by_place(&sight), out);
                 }
                 (zenith, sight, weighed, projected)
             })
@@ -534,6 +534,10 @@ impl Shares {
     /// Columns mixed by shares that add up to 1.
     fn mixed(columns: &[Self], shares: &[(usize, f64)], out: &mut Vec<f64>) {
         out.clear();
+        if let [(column, _)] = shares {
+            out.extend(&columns[*column].values);
+            return;
+        }
         out.resize(columns[0].logs.len(), 0.0);
         for (c, share) in shares {
             out.iter_mut().zip(&columns[*c].logs).for_each(|(sum, log)| *sum += share * log);

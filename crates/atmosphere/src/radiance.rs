@@ -442,8 +442,8 @@ impl FieldSuns {
         self.places.iter().any(Option::is_some)
     }
 
-    /// Whether the fields change along a ray by so much that each level has its own.
-    pub fn draws_by_level(&self, sight: &Sight) -> bool {
+    /// Whether the fields change along a ray by more than that of one place can stand for.
+    pub fn draws_by_place(&self, sight: &Sight) -> bool {
         self.are_spread() && sight.is_flat()
     }
 
@@ -625,24 +625,28 @@ pub(crate) struct Fan {
     /// By azimuth and point.
     suns: Vec<SunAt>,
     azimuths: usize,
-    /// By azimuth and point, where the fields change along the ray by so much that each level has its own.
-    fields: Vec<FieldShares>,
-    /// At each azimuth: for points of angles at the Earth's centre k `MEAN_STEP`.
-    means: Vec<[FieldShares; MEANS]>,
+    /// At each azimuth: for points of angles at the Earth's centre k `PLACE`.
+    fields: Vec<[FieldShares; PLACES]>,
 }
 
-const MEANS: usize = 5;
-const MEAN_STEP: f64 = 0.005;
+/// Angles at the Earth's centre \[rad\] for which fields are looked up; light from between them is shared out to both.
+const PLACE: f64 = 0.01;
+const PLACES: usize = 17;
+
+/// The place before an angle at the Earth's centre \[rad\], and the share of the next.
+fn place(centre: f64) -> (usize, f64) {
+    let x = (centre / PLACE).clamp(0.0, (PLACES - 1) as f64);
+    let i = (x as usize).min(PLACES - 2);
+    (i, x - i as f64)
+}
 
 impl Fan {
     /// Field and shares at an azimuth for light from an angle at the Earth's centre \[rad\].
-    fn mean(&self, azimuth: usize, centre: f64) -> (usize, [f64; 4]) {
-        let means = &self.means[azimuth];
-        let x = (centre / MEAN_STEP).clamp(0.0, (MEANS - 1) as f64);
-        let i = (x as usize).min(MEANS - 2);
-        let (t, (a, near), (b, far)) = (x - i as f64, means[i], means[i + 1]);
+    fn mean(&self, azimuth: usize, centre: f64) -> FieldShares {
+        let (i, t) = place(centre);
+        let ((a, near), (b, far)) = (self.fields[azimuth][i], self.fields[azimuth][i + 1]);
         if a != b {
-            return if t < 0.5 { means[i] } else { means[i + 1] };
+            return if t < 0.5 { (a, near) } else { (b, far) };
         }
         (a, std::array::from_fn(|k| near[k] + (far[k] - near[k]) * t))
     }
@@ -657,7 +661,6 @@ impl Fan {
     fn over(sight: &Sight, zenith: f64, offsets: &Offsets, fields: &FieldSuns, index: usize, azimuths: &[f64]) -> Self {
         let (cos_sun, sin_sun) = (zenith.cos(), zenith.sin());
         let round = offsets.rows[0].1 > 0;
-        let by_level = fields.draws_by_level(sight);
         let offset_at = |centre: f64, azimuth: f64| {
             if centre == 0.0 || !round {
                 return 0.0;
@@ -669,19 +672,15 @@ impl Fan {
         let mut fan = Self {
             suns: Vec::with_capacity(azimuths.len() * sight.points.len()),
             azimuths: azimuths.len(),
-            fields: Vec::new(),
-            means: Vec::with_capacity(azimuths.len()),
+            fields: Vec::with_capacity(azimuths.len()),
         };
         for azimuth in azimuths {
-            let mean = |k: usize| fields.shares(index, zenith, offset_at(MEAN_STEP * k as f64, *azimuth));
-            fan.means.push(std::array::from_fn(mean));
+            let at = |k: usize| fields.shares(index, zenith, offset_at(PLACE * k as f64, *azimuth));
+            fan.fields.push(std::array::from_fn(at));
             for point in &sight.points {
                 let offset = offset_at(point.centre, *azimuth);
                 let nearest = (offset / offsets.step).round();
                 fan.suns.push(SunAt { nearest: nearest as i32, beyond: offset / offsets.step - nearest });
-                if by_level {
-                    fan.fields.push(fields.shares(index, zenith, offset));
-                }
             }
         }
         fan
@@ -770,20 +769,37 @@ impl Weighed {
 }
 
 wide_too! {
-    /// What a ray draws from a field; by level too where wanted.
-    pub(crate) fn project(weighed: &Weighed, field: &Field, by_level: bool, out: &mut Projected) {
-        out.total.clear();
-        out.levels.clear();
+    /// What a ray draws from a field, place by place where wanted.
+    pub(crate) fn project(weighed: &Weighed, field: &Field, by_place: bool, out: &mut Projected) {
+        out.orders.clear();
+        out.places.clear();
+        out.centre = 0.0;
         let levels = weighed.centres.len();
         let above = (2 * field.first).saturating_sub(weighed.first).min(levels); // levels that were dropped
         let from = (weighed.first + above).saturating_sub(2 * field.first);
         let count = levels - above;
+        let orders = field.orders.len().min(weighed.kernel.len());
+        if by_place {
+            out.places.resize(PLACES * orders, 0.0);
+            for (m, (rows, kernel)) in field.orders.iter().zip(&weighed.kernel).enumerate() {
+                let width = kernel.len() / levels.max(1);
+                for k in 0..count {
+                    let own = dot(&kernel[(above + k) * width..][..width], &rows[(from + k) * width..][..width]);
+                    let (i, t) = place(weighed.centres[above + k]);
+                    out.places[i * orders + m] += (1.0 - t) * own;
+                    out.places[(i + 1) * orders + m] += t * own;
+                }
+            }
+            return;
+        }
         for (rows, kernel) in field.orders.iter().zip(&weighed.kernel) {
             let width = kernel.len() / levels.max(1);
-            out.total.push(dot(&kernel[above * width..], &rows[from * width..][..count * width]));
+            out.orders.push(dot(&kernel[above * width..], &rows[from * width..][..count * width]));
         }
         let (mut light, mut moment) = (0.0, 0.0);
-        if let (Some(rows), Some(kernel)) = (field.orders.first(), weighed.kernel.first()) {
+        if let (Some(rows), Some(kernel)) = (field.orders.first(), weighed.kernel.first())
+            && weighed.centres.iter().any(|centre| *centre > 0.0)
+        {
             let width = kernel.len() / levels.max(1);
             for (k, centre) in weighed.centres.iter().enumerate().skip(above) {
                 let own = dot(&kernel[k * width..][..width], &rows[(from + k - above) * width..][..width]).abs();
@@ -792,15 +808,6 @@ wide_too! {
             }
         }
         out.centre = if light > 0.0 { moment / light } else { 0.0 };
-        out.first = weighed.first + above;
-        if by_level {
-            for k in 0..count {
-                for (rows, kernel) in field.orders.iter().zip(&weighed.kernel) {
-                    let width = kernel.len() / levels;
-                    out.levels.push(dot(&kernel[(above + k) * width..][..width], &rows[(from + k) * width..][..width]));
-                }
-            }
-        }
     }
 }
 
@@ -813,10 +820,9 @@ fn orders_in(length: usize, streams: usize) -> usize {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Projected {
     /// By order.
-    total: Vec<f64>,
-    /// By level, from `first` on, and order, where it was wanted.
-    levels: Vec<f64>,
-    first: usize,
+    orders: Vec<f64>,
+    /// By place and order, where that was wanted instead.
+    places: Vec<f64>,
     /// Mean angle at the Earth's centre of where the light comes from \[rad\].
     centre: f64,
 }
@@ -824,7 +830,7 @@ pub(crate) struct Projected {
 impl Projected {
     /// All light, of every order.
     pub fn light(&self) -> f64 {
-        self.total.iter().sum()
+        self.orders.iter().sum()
     }
 }
 
@@ -934,7 +940,7 @@ wide_too! {
         projected: &[Projected]
     ) -> Vec<Gathered> {
         let n = sight.points.len();
-        let orders = projected.iter().map(|p| p.total.len()).max().unwrap_or(0);
+        let orders = projected.iter().map(|p| p.orders.len().max(p.places.len() / PLACES)).max().unwrap_or(0);
         let (mut depth, mut light, mut got) = (vec![0.0; n], vec![0.0; n], vec![0.0; sight.lengths.len()]);
         // Half of q along the ray, and of q towards the sun.
         let mut q: Vec<f64> = Vec::new();
@@ -966,24 +972,21 @@ wide_too! {
                 let got = got[0] + got[1];
                 gathered.once.iter_mut().zip(optics.scattering(*layer)).for_each(|(k, beta)| *k += beta * got);
             }
-            let mut add = |field: usize, k: usize, share: f64, i: Option<usize>| {
-                if share == 0.0 {
-                    return;
+            let mut add = |(first, cubic): FieldShares, of: &dyn Fn(&Projected) -> &[f64]| {
+                for (field, share) in projected[first..].iter().zip(cubic).filter(|(_, share)| *share != 0.0) {
+                    gathered.orders.iter_mut().zip(of(field)).for_each(|(sum, value)| *sum += share * value);
                 }
-                let field = &projected[field + k];
-                let own = field.total.len();
-                let level = |i: usize| (sight.points[i].levels[0].0 - field.first) * own;
-                let row = i.map_or(&field.total[..], |i| &field.levels[level(i)..][..own]);
-                gathered.orders.iter_mut().zip(row).for_each(|(o, v)| *o += share * v);
             };
-            if fan.fields.is_empty() {
-                // Any field of the sun tells where most of its light comes from.
-                let centre = projected.get(fan.means[azimuth][0].0).map_or(0.0, |p| p.centre);
-                let (field, cubic) = fan.mean(azimuth, centre);
-                cubic.iter().enumerate().for_each(|(k, share)| add(field, k, *share, None));
+            // Any field of the sun tells how the light was drawn, and where most of it comes from.
+            let any = &projected[fan.fields[azimuth][0].0];
+            if any.places.is_empty() {
+                add(fan.mean(azimuth, any.centre), &|field| &field.orders);
             } else {
-                for (i, (field, cubic)) in fan.fields[azimuth * n..][..n].iter().enumerate() {
-                    cubic.iter().enumerate().for_each(|(k, share)| add(*field, k, *share, Some(i)));
+                for (i, fields) in fan.fields[azimuth].iter().enumerate() {
+                    add(*fields, &|field| {
+                        let own = field.places.len() / PLACES;
+                        &field.places[i * own..][..own]
+                    });
                 }
             }
             all.push(gathered);
@@ -1081,7 +1084,7 @@ impl Probe {
         let fan = Fan::new(&sight, &self.rays, &self.fields, 0, &[azimuth]);
         let mut projected = vec![Projected::default(); self.solution.beams.len()];
         for (field, out) in self.solution.beams.iter().zip(&mut projected) {
-            project(&weighed, field, self.fields.draws_by_level(&sight), out);
+            project(&weighed, field, self.fields.draws_by_place(&sight), out);
         }
         let gathered = gather(&self.optics, &sight, &weighed, &fan, &self.depths, &projected).remove(0);
         (gathered, gather_ground(&weighed, &self.solution.ground), weighed.passed[weighed.passed.len() - 1])

@@ -77,7 +77,7 @@ impl Planner<'_, '_> {
         let mut columns: Vec<(Column, blake3::Hash)> = Vec::new();
         let times = (moments.iter())
             .map(|(moment, air)| {
-                let column = self.column(air, albedo);
+                let column = self.column(air);
                 let met = columns.iter().position(|(known, _)| *known == column).unwrap_or_else(|| {
                     let mut hasher = blake3::Hasher::new();
                     hasher.update(of_provider.as_bytes()).update(format!(" {column:?}").as_bytes());
@@ -87,10 +87,11 @@ impl Planner<'_, '_> {
                 (met, moment.sun)
             })
             .collect();
-        SkyOrder { provider, use_: use_.clone(), grid: grid.clone(), needs, columns, times }
+        SkyOrder { provider, use_: use_.clone(), grid: grid.clone(), needs, albedo: albedo.to_vec(), columns, times }
     }
 
-    pub(super) fn column(&self, air: &Air, albedo: &[f64]) -> Column {
+    /// The column over a black ground of no entries.
+    pub(super) fn column(&self, air: &Air) -> Column {
         let weather = &air.weather;
         let cloud =
             |cloud: &scene::Cloud| Cloud { optical_depth: cloud.optical_depth, base: cloud.base, top: cloud.top };
@@ -108,7 +109,7 @@ impl Planner<'_, '_> {
             visibility: weather.visibility,
             aod: weather.aod,
             aerosol: weather.aerosol.as_ref().map(|aerosol| (aerosol.name.clone(), aerosol.args.clone())),
-            ground_albedo: albedo.to_vec(),
+            ground_albedo: Vec::new(),
         }
     }
 }
@@ -160,7 +161,9 @@ pub(super) struct SkyOrder {
     use_: ModelUse,
     grid: SpectralGrid,
     needs: Needs,
-    /// Each with the hash of all that its sky depends on beside the sun.
+    /// Of the ground, one value per entry of the grid.
+    albedo: Vec<f64>,
+    /// Each with the hash of all that its sky depends on beside the sun and the ground.
     columns: Vec<(Column, blake3::Hash)>,
     /// Index of the column, and the sun.
     times: Vec<(usize, Option<Sun>)>,
@@ -179,33 +182,44 @@ struct Ask<'o> {
     order: &'o SkyOrder,
     column: &'o Column,
     needs: Needs,
+    albedos: Vec<Vec<f64>>,
     suns: Vec<Option<Sun>>,
+    /// Pairs of ground and sun, the first of all that were asked for.
+    wanted: Vec<(usize, usize)>,
 }
 
-/// Solves each column once, for all suns and all needs of all runs; the lights are in the order of `orders`, `None` where
+/// The place of a value among those known, put there if it is new.
+fn place_of<T: PartialEq + Clone>(known: &mut Vec<T>, value: &T) -> usize {
+    known.iter().position(|known| known == value).unwrap_or_else(|| {
+        known.push(value.clone());
+        known.len() - 1
+    })
+}
+
+/// Solves each column once, for all suns, grounds and needs of all runs; the lights are in the order of `orders`, `None` where
 /// a column has no solution, which is told. With the number of skies that a run found solved for another. Where the lights
 /// are not wanted, the providers only tell what they would refuse.
 pub(super) fn solve(orders: &[&SkyOrder], unlit: bool, diagnostics: &mut Vec<Diagnostic>) -> (Vec<Option<Lit>>, usize) {
     let mut asks: Vec<Ask> = Vec::new();
     let mut known: HashMap<blake3::Hash, usize> = HashMap::new();
     let mut shared = 0;
-    // For each run: the columns that are new, and for each time the ask and its sun.
+    // For each run: the columns that are new, and for each time the ask and which of its pairs.
     let mut places: Vec<(usize, Vec<(usize, usize)>)> = Vec::new();
     for order in orders {
         let before = asks.len();
         let mut place = |(met, sun): &(usize, Option<Sun>)| {
             let (column, hash) = &order.columns[*met];
             let ask = *known.entry(*hash).or_insert_with(|| {
-                asks.push(Ask { order, column, needs: order.needs, suns: Vec::new() });
+                let (albedos, suns, wanted) = (Vec::new(), Vec::new(), Vec::new());
+                asks.push(Ask { order, column, needs: order.needs, albedos, suns, wanted });
                 asks.len() - 1
             });
-            let Ask { needs, suns, .. } = &mut asks[ask];
+            let Ask { needs, albedos, suns, wanted, .. } = &mut asks[ask];
             *needs = needs.union(order.needs);
-            let sun = suns.iter().position(|known| known == sun).inspect(|_| shared += 1).unwrap_or_else(|| {
-                suns.push(*sun);
-                suns.len() - 1
-            });
-            (ask, sun)
+            let before = wanted.len();
+            let pair = place_of(wanted, &(place_of(albedos, &order.albedo), place_of(suns, sun)));
+            shared += usize::from(wanted.len() == before);
+            (ask, pair)
         };
         let times = order.times.iter().map(&mut place).collect();
         places.push((asks.len() - before, times));
@@ -216,14 +230,23 @@ pub(super) fn solve(orders: &[&SkyOrder], unlit: bool, diagnostics: &mut Vec<Dia
         .map(|ask| {
             let suns: Vec<Sun> = ask.suns.iter().map(|sun| sun.unwrap_or(below)).collect();
             let (order, provider) = (ask.order, &ask.order.provider);
-            let skies = if unlit {
-                provider.check(ask.column, &suns, &order.grid, &ask.needs)?;
-                darkness(&order.grid)?.solve(ask.column, &suns, &order.grid, &ask.needs)?
+            let (column, grid, needs) = (ask.column, &order.grid, &ask.needs);
+            let mut skies = if unlit {
+                for albedo in &ask.albedos {
+                    let column = Column { ground_albedo: albedo.clone(), ..column.clone() };
+                    provider.check(&column, &suns, grid, needs)?;
+                }
+                darkness(grid)?.solve_over(&ask.albedos, column, &suns, grid, needs)?
             } else {
-                provider.solve(ask.column, &suns, &order.grid, &ask.needs)?
+                provider.solve_over(&ask.albedos, column, &suns, grid, needs)?
             };
-            let light = skies.into_iter().zip(&ask.suns).map(|(sky, sun)| Illumination::new(sky, sun.as_ref()));
-            Ok(light.map(Arc::new).collect::<Vec<Arc<Illumination>>>())
+            let mut skies: Vec<Vec<Option<_>>> =
+                skies.drain(..).map(|skies| skies.into_iter().map(Some).collect()).collect();
+            let light = ask.wanted.iter().map(|(ground, sun)| {
+                let sky = skies[*ground][*sun].take().expect("pairs are distinct");
+                Arc::new(Illumination::new(sky, ask.suns[*sun].as_ref()))
+            });
+            Ok(light.collect::<Vec<Arc<Illumination>>>())
         })
         .collect::<Vec<Result<_, AtmosphereError>>>();
     for (ask, error) in asks.iter().zip(&solved).filter_map(|(ask, solved)| Some((ask, solved.as_ref().err()?))) {
@@ -238,7 +261,7 @@ pub(super) fn solve(orders: &[&SkyOrder], unlit: bool, diagnostics: &mut Vec<Dia
         }
     }
     let lit = places.into_iter().map(|(columns, times)| {
-        let light = times.into_iter().map(|(ask, sun)| solved[ask].as_ref().ok().map(|lights| lights[sun].clone()));
+        let light = times.into_iter().map(|(ask, pair)| solved[ask].as_ref().ok().map(|lights| lights[pair].clone()));
         Some(Lit { light: light.collect::<Option<_>>()?, columns })
     });
     (lit.collect(), shared)

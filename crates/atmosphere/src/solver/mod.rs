@@ -342,8 +342,6 @@ where
             climbing.push((below, g));
             lit.push(own);
         }
-        climbing.reverse();
-        lit.reverse();
 
         // Downwards.
         field.levels = 2 * n + 1;
@@ -357,7 +355,7 @@ where
         self.order.moments_at_nodes.of(&x, &y, &mut moments);
         let mut above = (usize::MAX, [0.0; N]); // layer, Gᵀ x at the upper edge of the part
         for (i, part) in self.joined.iter().enumerate() {
-            let (below, g) = &climbing[i];
+            let (below, g) = &climbing[n - 1 - i]; // from the lowest part on
             match self.slab(part) {
                 Some((slab, m, _)) => {
                     if above.0 != part.layer {
@@ -370,7 +368,7 @@ where
                     up.iter_mut().zip(below).for_each(|(u, s)| *u += s);
                     (x, y) = both(&up, &down);
                     let lower = apply_transposed(&slab.g, &x);
-                    let (xi, eta) = slab.middle(&above.1, &lower, lit[i].as_ref());
+                    let (xi, eta) = slab.middle(&above.1, &lower, lit[n - 1 - i].as_ref());
                     above.1 = lower;
                     slab.moments.of(&xi, &eta, &mut moments);
                 }
