@@ -246,15 +246,22 @@ struct Nodes {
 }
 
 /// Zenith angles \[deg\], denser where the air thickens.
-const ZENITHS: [f64; 17] =
-    [0.0, 8.0, 16.0, 24.0, 32.0, 40.0, 48.0, 55.0, 62.0, 68.0, 73.0, 77.5, 81.5, 85.0, 87.5, 89.2, 90.0];
-const AZIMUTHS: usize = 13;
+const ZENITHS: [f64; 20] = [
+    0.0, 7.0, 14.0, 21.0, 28.0, 35.0, 42.0, 49.0, 55.0, 61.0, 66.0, 70.0, 73.5, 77.0, 80.0, 82.6, 85.0, 87.0, 88.6,
+    90.0,
+];
+/// Azimuths from the sun's \[deg\], denser about it.
+const AZIMUTHS: [f64; 15] =
+    [0.0, 4.0, 9.0, 16.0, 25.0, 36.0, 48.0, 62.0, 77.0, 93.0, 110.0, 127.0, 145.0, 162.0, 180.0];
 /// Azimuths at which light is gathered; between them a polynomial in cos Δφ. Three serve where a ray sees the sun change
 /// little along its way.
 const GATHERED: [f64; 5] = [0.0, PI / 4.0, PI / 2.0, 3.0 * PI / 4.0, PI];
 const FEW: [f64; 3] = [0.0, PI / 2.0, PI];
 /// Zenith angle from which all are \[rad\].
 const LOW: f64 = 72.0 * PI / 180.0;
+
+/// A node nearer to the sun counts as one this far from it \[rad\]: the tip of a peak tells little of what lies around it.
+const TIP: f64 = 1.7 * PI / 180.0;
 
 /// Share of the slowly varying light that the halo is counted against beside what the beam gives.
 const BESIDE: f64 = 0.1;
@@ -273,7 +280,7 @@ impl Nodes {
     fn new() -> Self {
         Self {
             zeniths: ZENITHS.iter().map(|z| z.to_radians()).collect(),
-            azimuths: (0..AZIMUTHS).map(|i| PI * i as f64 / (AZIMUTHS - 1) as f64).collect(),
+            azimuths: AZIMUTHS.iter().map(|a| a.to_radians()).collect(),
         }
     }
 
@@ -360,7 +367,8 @@ impl Nodes {
                         &mixed
                     };
                     let value = |phase: usize| phases[phase][place];
-                    out[self.index(j, k)] = one.parts_of(optics, value, scattering.cosines[place], *azimuth);
+                    let parts = one.parts_of(optics, value, scattering.cosines[place], *azimuth);
+                    out[self.index(j, k)] = parts.map(|l| l.max(0.0));
                 }
             }
         }
@@ -381,7 +389,8 @@ impl Scattering {
         let mut cosines = Vec::with_capacity(zeniths.len() * nodes.len());
         for sun in zeniths {
             for (j, zenith) in nodes.zeniths.iter().enumerate() {
-                cosines.extend(nodes.ring(j).iter().map(|azimuth| cosine_between((*zenith, *sun), *azimuth)));
+                let cosine = |azimuth: &f64| cosine_between((*zenith, *sun), *azimuth).min(TIP.cos());
+                cosines.extend(nodes.ring(j).iter().map(cosine));
             }
         }
         let mut tables = HashMap::new();
@@ -500,6 +509,11 @@ impl Shape {
 
     /// Both parts at a zenith angle and an azimuth from the sun's; the second is nothing without peaked scatterers.
     fn at(&self, zenith: f64, azimuth: f64) -> [f64; 2] {
+        self.outside(zenith, azimuth, 0.0)
+    }
+
+    /// The same, the angle from the sun being no less than `least` \[rad\].
+    fn outside(&self, zenith: f64, azimuth: f64, least: f64) -> [f64; 2] {
         let x = zenith / FRAC_PI_2 * Self::STEPS as f64;
         let c = azimuth.cos();
         // Through cos Δφ = 1, 0, −1.
@@ -511,7 +525,7 @@ impl Shape {
             return [part(&self.parts[0]), 0.0];
         }
         let angle = WorldDir::from_zenith_azimuth(zenith, azimuth).angle_to(self.sun);
-        let halo = line(&self.halo, (angle / PI).max(0.0).sqrt() * Self::HALO as f64);
+        let halo = line(&self.halo, (angle.max(least) / PI).sqrt() * Self::HALO as f64);
         [part(&self.parts[0]), halo * part(&self.parts[1])]
     }
 }
@@ -557,13 +571,10 @@ fn line(values: &[f64], x: f64) -> f64 {
     values[i] + (values[i + 1] - values[i]) * (x - i as f64).clamp(0.0, 1.0)
 }
 
-/// Cubic through four nodes about x: index of the first and shares.
-fn cubic(nodes: &[f64], x: f64) -> (usize, [f64; 4]) {
-    let i = nodes.partition_point(|node| *node <= x).clamp(2, nodes.len() - 2) - 2;
-    let around: [f64; 4] = std::array::from_fn(|k| nodes[i + k]);
-    let share =
-        |k: usize| -> f64 { (0..4).filter(|j| *j != k).map(|j| (x - around[j]) / (around[k] - around[j])).product() };
-    (i, std::array::from_fn(share))
+/// The node before x and the share of the next.
+fn between(nodes: &[f64], x: f64) -> (usize, f64) {
+    let i = nodes.partition_point(|node| *node <= x).clamp(1, nodes.len() - 1) - 1;
+    (i, ((x - nodes[i]) / (nodes[i + 1] - nodes[i])).clamp(0.0, 1.0))
 }
 
 /// What all suns share.
@@ -670,7 +681,7 @@ impl ColumnSkyState {
         for (j, zenith) in nodes.zeniths.iter().enumerate() {
             for (k, azimuth) in nodes.ring(j).iter().enumerate() {
                 let node = nodes.index(j, k);
-                for (part, whole) in shape.at(*zenith, *azimuth).into_iter().enumerate().take(parts) {
+                for (part, whole) in shape.outside(*zenith, *azimuth, TIP).into_iter().enumerate().take(parts) {
                     let scale = per(whole);
                     terms[part * nodes.len() + node].iter_mut().for_each(|l| *l *= scale);
                 }
@@ -863,30 +874,15 @@ impl SkyState for ColumnSkyState {
         let turn = (direction.azimuth() - self.sun.apparent.azimuth()).rem_euclid(TAU);
         let azimuth = turn.min(TAU - turn);
         let [smooth, peaked] = shape.at(zenith, azimuth);
-        let (j, across) = cubic(&nodes.zeniths, zenith);
-        // The sky is even about the sun's vertical plane.
-        let step = PI / (AZIMUTHS - 1) as f64;
-        let k = ((azimuth / step) as i64).min(AZIMUTHS as i64 - 2);
-        let t = azimuth / step - k as f64;
-        let along = [
-            -t * (t - 1.0) * (t - 2.0) / 6.0,
-            (t + 1.0) * (t - 1.0) * (t - 2.0) / 2.0,
-            -(t + 1.0) * t * (t - 2.0) / 2.0,
-            (t + 1.0) * t * (t - 1.0) / 6.0,
-        ];
-        let last = AZIMUTHS as i64 - 1;
-        for (a, u) in across.into_iter().enumerate() {
-            for (b, v) in along.into_iter().enumerate() {
-                let mut place = (k - 1 + b as i64).abs();
-                if place > last {
-                    place = 2 * last - place;
-                }
-                let node = nodes.index(j + a, place as usize) as u32;
-                match weights.iter_mut().find(|(known, _)| *known == node) {
-                    Some((_, sum)) => *sum += u * v,
-                    None => weights.push((node, u * v)),
-                }
+        let (j, across) = between(&nodes.zeniths, zenith);
+        let (k, along) = between(&nodes.azimuths, azimuth);
+        for (row, of_row) in [(j, 1.0 - across), (j + 1, across)] {
+            if row == 0 {
+                weights.push((0, of_row));
+                continue;
             }
+            weights.push((nodes.index(row, k) as u32, of_row * (1.0 - along)));
+            weights.push((nodes.index(row, k + 1) as u32, of_row * along));
         }
         if !shape.halo.is_empty() {
             let n = nodes.len() as u32;

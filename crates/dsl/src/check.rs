@@ -36,7 +36,7 @@ use crate::scene::{Collect, Experiment, Scene, Times, Weather};
 use crate::{Diagnostic, FileId, LoadError, Loaded, Loader, Severity, Sources, Span};
 
 /// Name of the atmosphere of a scene that names none.
-pub const DEFAULT_ATMOSPHERE: &str = "spectrl2";
+pub const DEFAULT_ATMOSPHERE: &str = "layered";
 
 /// Holds a tree against the language and the models of a catalogue. `None` where any error was found, by this or by the
 /// parser: `diagnostics` is the list that [`crate::parse`] filled. Files are read through `loader`, those of materials

@@ -205,7 +205,7 @@ fn the_first_example_means_its_scene() {
     assert!(matches!(sensor.bands[0], Bands::Edges { lower, upper, .. } if lower == 0.6 && upper == 0.75));
     let experiment = &scene.experiments[0];
     assert_eq!((experiment.name.as_str(), experiment.algorithm.name.as_str()), ("default", "split"));
-    assert_eq!((scene.atmosphere.name.as_str(), &experiment.models), ("spectrl2", &vec![Some(0), Some(0)]));
+    assert_eq!((scene.atmosphere.name.as_str(), &experiment.models), ("layered", &vec![Some(0), Some(0)]));
     assert_eq!(experiment.accuracy, Accuracy::Error { relative: 0.01, floor: None });
     assert_eq!(experiment.algorithm.args.word("reading"), Some("published"));
 }
