@@ -305,8 +305,8 @@ impl<const N: usize> Modes<N> {
     fn new(squares: &Vector<N>, depth: f64) -> Self {
         let nothing = [0.0; N];
         let mut modes = Self { z: nothing, coth: nothing, csch: nothing, sech_half: nothing, csch_half: nothing };
-        for j in 0..N {
-            let k = squares[j].max(0.0).sqrt() * depth;
+        for (j, square) in squares.iter().enumerate() {
+            let k = square.max(0.0).sqrt() * depth;
             let z = k * k;
             let (e, half) = ((-k).exp(), (-0.5 * k).exp());
             let [coth, csch, sech_half, csch_half] = match k < 1e-3 {
