@@ -70,11 +70,12 @@ Parameters
   geometry   spherical, or plane: no curvature, no refraction, no twilight
   accuracy   azimuthal orders are added until two in a row change the source by less than this share
   spectrum   adapted: fluxes and transmittances at every wavelength and term g, radiances for a ladder of columns over
-             wavelength and absorption; between its rungs the shares L/E_d of the sky and L_u over the path's scattering
-             optical depth are interpolated. full: radiances everywhere, for checks
+             wavelength and, beside it, over the absorption of water and of oxygen; between its rungs ln L/E_d of the sky and
+             ln of the path's source are interpolated, absorption of the sun's light left apart. full: radiances
+             everywhere, for checks
 
-Sky: L_d is known at 17 zenith angles by 13 azimuths from the sun's and interpolated as a ratio to a shape that has the
-aureole and the brightening horizon in it.
+Sky: L_d is known at 20 zenith angles by 13 azimuths from the sun's, and runs straight between them as a ratio to a shape
+that has the aureole and the brightening horizon in it.
 
 Validity
   Scalar: polarisation is left out. Where molecules scatter most, in blue without haze, radiances err by up to 10 %, too
@@ -93,10 +94,11 @@ Accuracy, measured (docs/VALIDATION.md)
   SASKTRAN2, spherical shells, light scattered once               radiance               1 % to 85°, 2 % at 89°
   LOWTRAN 7, four profiles                                        gases, 5 nm means      0.003, 0.008 to air mass 9
   MODTRAN, windows, one flight                                    L_u, A + B, S          5 %, 1 %, 4 %
-  Between rungs of the ladder: 0.2 to 1 % (root mean square), 5 % in black bands under a low sun. Near a sun lower than 5° in
-  thick haze the sky between its nodes errs by tens of per cent.
+  Between rungs of the ladder: 0.1 to 0.7 % (root mean square), 3 % in black bands under a low sun. Between the directions of
+  the sky: 1.5 % beyond 20° from the sun (3 % at a sun of 85°), 13 % within 5° of it.
 
-Cost: seconds a column and sun over 0.4 to 1.0 µm, a minute and 3 GB for a day of thirty suns in four bands.
+Cost (docs/BENCHMARKS.md): a third of a second for one time in four bands from 0.42 to 1.0 µm, a second and a half for a day of
+thirty, on one core.
 
 In a scene
   atmosphere layered
