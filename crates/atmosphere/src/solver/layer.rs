@@ -36,7 +36,7 @@ pub(super) struct Slab<const N: usize> {
     pub g: Matrix<N>,
     /// c_l from ξ and η.
     pub moments: Moments<N>,
-    /// −(2 − δ_m0)/4π … of a beam by its Λ_l: α from even l + m, β from odd ones.
+    /// −(2 − δ_m0)/2π c_l Fᵀ u_l for even l + m, by which Λ_l of a beam gives α; the same with Gᵀ for odd ones and β.
     to_alpha: Matrix<N>,
     to_beta: Matrix<N>,
     /// ½ (1 + D_s)⁻¹ G and ½ (1 + D_a)⁻¹ G, transposed.
