@@ -1,7 +1,7 @@
 //! Time that columns of air take: `cargo bench -p sunglint-atmosphere`, on one thread with `RAYON_NUM_THREADS=1`.
 //!
 //! `disort` is the problem of `benches/peers/plane_parallel/time_disort.py`, which runs beside it: 33 layers at 122
-//! wavelengths, all fluxes and the sky in 209 directions. `day` is what `examples/truth` asks of the air: four bands, 31 suns.
+//! wavelengths, all fluxes and the sky in 248 directions. `day` is what `examples/truth` asks of the air: four bands, 31 suns.
 
 use std::fmt::Write as _;
 use std::hint::black_box;

@@ -74,13 +74,13 @@ impl Shells {
         Self { heights, round }
     }
 
-    /// Whether the Earth is round.
     /// Angle at the Earth's centre \[rad\] between a point at z = 0 and where its level ray meets a height \[m\]; refraction
     /// adds a tenth at most.
     pub fn farthest(&self, height: f64) -> f64 {
         self.round.as_ref().map_or(0.0, |round| (round.radius / (round.radius + height.max(0.0))).acos())
     }
 
+    /// Whether the Earth is round.
     pub fn is_round(&self) -> bool {
         self.round.is_some()
     }
