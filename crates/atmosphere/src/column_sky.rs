@@ -110,7 +110,7 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
                     .map(|(i, (depths, sun))| (depths.below(first), fields.field_of(&solution.beams, i, *sun, first)))
                     .collect()
             });
-            let ground = Field::mixed(std::slice::from_ref(&solution.ground), &[1.0], first);
+            let ground = paths.then(|| Field::mixed(std::slice::from_ref(&solution.ground), &[1.0], first));
             Column { optics, lattice: *place, sky, lit: of_suns.unwrap_or_default(), ground }
         })
         .collect();
@@ -124,7 +124,7 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
     for column in columns {
         skies.extend(column.sky);
         by_sun.iter_mut().zip(column.lit).for_each(|(all, lit)| all.push(lit));
-        grounds.push((column.optics, column.lattice, column.ground));
+        grounds.extend(column.ground.map(|ground| (column.optics, column.lattice, ground)));
     }
 
     let per_metre = |of: fn(&Layer) -> f64| -> Vec<Vec<f64>> {
@@ -180,9 +180,9 @@ struct Column {
     optics: Optics,
     lattice: usize,
     sky: Option<NodeSky>,
-    /// By sun, and over a ground that shines, as far up as paths reach.
+    /// By sun, and over a ground that shines, as far up as paths reach; nothing where none are asked for.
     lit: Vec<(SunDepths, Field)>,
-    ground: Field,
+    ground: Option<Field>,
 }
 
 /// Lattices, each once, with the rays to all suns.
