@@ -1177,22 +1177,13 @@ mod tests {
         worst
     }
 
-    /// At 20° and more from the beam. CDISORT's own 16 streams miss its 128 by 1.35e-3 in the worst of these (g = 0.7, τ = 0.1,
-    /// seen at 75° against the beam), where an optically thin layer is brightest between the nodes of the quadrature; ours do
-    /// no better. All others are within 1e-3.
+    /// At 20° and more from the beam. CDISORT's own 8 and 16 streams miss its 128 by 2.2e-2 and 1.35e-3 in the worst of these.
     #[test]
     fn radiances_are_those_of_disort() {
-        let (eight, _) = worst(8, |problem| problem.g <= 0.7);
-        assert!(eight < 0.025, "8 streams: {eight:.2e}");
+        let (eight, place) = worst(8, |problem| problem.g <= 0.7);
+        assert!(eight < 0.015, "8 streams: {eight:.2e} at {place}");
         let (sixteen, place) = worst(16, |problem| problem.g <= 0.7);
-        assert!(sixteen < 1.36e-3, "16 streams: {sixteen:.2e} at {place}");
-        let but = |problem: &Problem| {
-            problem.g <= 0.7
-                && !problem.id.starts_with("hg0.7_omega0.99_0.1")
-                && !problem.id.starts_with("hg0.7_omega1.0_0.1")
-        };
-        let (others, place) = worst(16, but);
-        assert!(others < 1e-3, "16 streams: {others:.2e} at {place}");
+        assert!(sixteen < 6.5e-4, "16 streams: {sixteen:.2e} at {place}");
         let (peaked, place) = worst(32, |problem| problem.g > 0.7);
         assert!(peaked < 1e-3, "32 streams: {peaked:.2e} at {place}");
     }

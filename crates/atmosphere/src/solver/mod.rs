@@ -21,11 +21,15 @@
 //! Where only the irradiance at the ground is wanted, the adjoint is solved: what light counts for there that leaves a layer
 //! upwards or downwards. A beam is then one sum over the layers.
 
+use std::f64::consts::PI;
+
+mod grazing;
 mod layer;
 mod legendre;
 mod matrix;
 mod quadrature;
 
+use grazing::Grazing;
 use layer::{Lit, Operator, Slab, Source};
 pub(crate) use legendre::normalised;
 use matrix::{Eigen, Matrix, Sizes, Vector, apply_transposed, dot, inverse, product, transpose};
@@ -145,6 +149,7 @@ where
     let mut solution = Solution { beams: vec![Field::default(); beams.len()], ground: Field::default() };
     // Each beam has its own end, whatever beams stand beside it.
     let mut open: Vec<Open> = beams.iter().map(|_| Open::default()).collect();
+    let grazing = Grazing::new(&quadrature, layers);
     for m in 0..2 * N {
         if m > 0 && open.iter().all(|beam| beam.done) {
             break;
@@ -154,6 +159,7 @@ where
         let stack = Stack::new(&order, layers, &operators);
         if m == 0 {
             stack.add(None, &quadrature.lambertian(), &mut solution.ground);
+            stack.mend(layers, &grazing, None, &mut solution.ground);
         }
         for ((beam, field), open) in beams.iter().zip(&mut solution.beams).zip(&mut open) {
             if open.done {
@@ -164,6 +170,7 @@ where
                 continue;
             }
             stack.add(Some(beam), &[0.0; N], field);
+            stack.mend(layers, &grazing, Some(beam), field);
             let size = size(m, layers, field);
             if m == 0 {
                 open.scale = size;
@@ -391,6 +398,54 @@ where
         }
         field.orders.push(moments);
     }
+
+    /// Adds to the moments of the order what the quadrature misses near the horizon.
+    #[inline(always)]
+    fn mend(&self, layers: &[Scaled], grazing: &Grazing, beam: Option<&Beam>, field: &mut Field) {
+        let m = self.order.m;
+        let width = 2 * N - m;
+        let [level, _] = self.order.toward(0.0); // Λ_l(0) is 0 for odd l + m
+        let from = beam.map_or([0.0; N], |beam| self.order.toward(-beam.cosine)[0]);
+        let of_beam = if m == 0 { 0.25 / PI } else { 0.5 / PI };
+        let n = self.joined.len();
+        let rows = field.orders.last_mut().expect("an order was added");
+        let mut sources = (usize::MAX, 0.0, [0.0; N]); // layer, J(0) of a beam of transmittance 1, and of each moment
+        let mut add = |k: usize, part: usize, missed: f64| {
+            if missed == 0.0 {
+                return 0.0;
+            }
+            let layer = self.joined[part].layer;
+            if sources.0 != layer {
+                let mut by_moment = [0.0; N];
+                for (to, (own, coupling)) in
+                    by_moment.iter_mut().zip(level.iter().zip(layers[layer].coupling[m..].iter().step_by(2)))
+                {
+                    *to = own * coupling;
+                }
+                sources = (layer, of_beam * dot(&by_moment, &from), by_moment);
+            }
+            let own = &rows[k * width..][..width];
+            let source = sources.2.iter().zip(own.iter().step_by(2)).map(|(s, c)| s * c).sum::<f64>();
+            let passes = beam.map_or(0.0, |beam| match k % 2 {
+                0 => beam.transmittance[k / 2],
+                _ => (beam.transmittance[k / 2] * beam.transmittance[k / 2 + 1]).sqrt(),
+            });
+            -0.5 * missed * (source + sources.1 * passes)
+        };
+        let mut mended = vec![0.0; field.levels];
+        for (k, mended) in mended.iter_mut().enumerate() {
+            *mended += add(k, (k.max(1) - 1) / 2, grazing.down[k]);
+        }
+        for (k, mended) in mended.iter_mut().enumerate() {
+            *mended += add(k, (k / 2).min(n - 1), grazing.up[k]);
+            if beam.is_none() {
+                *mended += 0.5 * grazing.up[k];
+            }
+        }
+        for (row, mended) in rows.chunks_exact_mut(width).zip(mended) {
+            row.iter_mut().step_by(2).zip(level).for_each(|(c, own)| *c += mended * own);
+        }
+    }
 }
 
 /// With b the weight of what comes down below a part, e that of what goes up above it, from the equations of the sweeps:
@@ -469,8 +524,6 @@ fn both<const N: usize>(up: &Vector<N>, down: &Vector<N>) -> (Vector<N>, Vector<
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::PI;
-
     use super::*;
 
     fn layer(omega: f64, g: f64, depth: f64, parts: usize, streams: usize) -> Scaled {

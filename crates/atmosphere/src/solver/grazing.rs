@@ -1,0 +1,102 @@
+//! What the quadrature misses of light near the horizon.
+//!
+//! Within an optical depth t of the top or the bottom of the air, the radiance near the horizon changes over cosines of t,
+//! which the nodes do not resolve where t is small. Of light with a source J that changes little over that depth,
+//!
+//! ```text
+//! I(τ, μ) = J(τ, 0) (1 − e^(−t/μ))
+//! ½ ∫₀¹ Λ_l I dμ − ½ Σ w Λ_l I ≈ −½ Λ_l(0) J(τ, 0) e(t)       e(t) = E₂(t) − Σ w e^(−t/μ)
+//! ```
+//!
+//! with t the depth of what the light comes through. Light from a ground of radiance 1, e^(−t/μ), is missed with the opposite
+//! sign.
+
+use super::Scaled;
+use super::quadrature::Quadrature;
+
+/// e(t) at the levels of a stack: edges and middles of its parts, from the top down. A parabola through the three of a part
+/// has the integral of e over it, though e may swing within.
+pub(super) struct Grazing {
+    /// Of what comes down.
+    pub down: Vec<f64>,
+    /// Of what goes up.
+    pub up: Vec<f64>,
+}
+
+/// At larger depths every quadrature is exact.
+const DEEP: f64 = 6.0;
+/// Parts so thin take the mean of their edges.
+const THIN: f64 = 1e-7;
+
+impl Grazing {
+    #[inline(always)]
+    pub fn new<const N: usize>(quadrature: &Quadrature<N>, layers: &[Scaled]) -> Self {
+        let parts = || layers.iter().flat_map(|layer| std::iter::repeat_n(layer.depth, layer.parts));
+        let whole: f64 = parts().sum();
+        // e, and its integral from 0.
+        let missed = |t: f64| {
+            if t <= 0.0 || t > DEEP {
+                return [0.0; 2];
+            }
+            let nodes = quadrature.cosines.iter().zip(&quadrature.weights);
+            let [e2, e3] = exponential_integrals(t);
+            nodes.fold([e2, -e3], |[of_t, integral], (mu, w)| {
+                let passes = w * (-t / mu).exp();
+                [of_t - passes, integral + mu * passes]
+            })
+        };
+        let (mut down, mut up) = (vec![0.0], vec![missed(whole)[0]]);
+        let mut depth = 0.0;
+        for part in parts() {
+            let next = depth + part;
+            for (levels, [near, far]) in [(&mut down, [depth, next]), (&mut up, [whole - next, whole - depth])] {
+                let ([a, from], [b, to]) = (missed(near), missed(far));
+                let mean = if part > THIN && far <= DEEP { (to - from) / part } else { 0.5 * (a + b) };
+                levels.push(1.5 * mean - 0.25 * (a + b));
+                levels.push(if near == depth { b } else { a });
+            }
+            depth = next;
+        }
+        Self { down, up }
+    }
+}
+
+/// E₂ and E₃ at t > 0 [Abramowitz1964, eqs. 5.1.11, 5.1.14, 5.1.22].
+fn exponential_integrals(t: f64) -> [f64; 2] {
+    const EULER: f64 = 0.577_215_664_901_532_9;
+    let passes = (-t).exp();
+    let e2 = if t < 1.5 {
+        let (mut e1, mut power) = (-EULER - t.ln(), -1.0);
+        for n in 1..24 {
+            let n = f64::from(n);
+            power *= -t / n;
+            e1 += power / n;
+        }
+        passes - t * e1
+    } else {
+        // e^(−t) (1/(t+2) − 1·2/(t+4) − 2·3/(t+6) − …), from its end.
+        let fraction = (1..40).rev().fold(t + 80.0, |rest, n| {
+            let n = f64::from(n);
+            t + 2.0 * n - n * (n + 1.0) / rest
+        });
+        passes / fraction
+    };
+    [e2, 0.5 * (passes - t * e2)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// [Abramowitz1964, table 5.4], and t → 0.
+    #[test]
+    fn the_exponential_integral_is_that_of_the_tables() {
+        for (t, due) in [(0.0001f64, 0.0), (0.1, 0.722_545_0), (0.5, 0.326_643_9), (1.0, 0.148_495_5), (2.0, 0.037_534_3)] {
+            let due = if t < 1e-3 { 1.0 + t * (t.ln() + 0.577_215_7 - 1.0) } else { due };
+            let found = exponential_integrals(t)[0];
+            assert!((found - due).abs() < 1e-7, "{t}: {found} {due}");
+        }
+        let (below, above) = (exponential_integrals(1.5 - 1e-13)[1], exponential_integrals(1.5)[1]);
+        assert!((below / above - 1.0).abs() < 1e-11, "{below} {above}");
+    }
+}
