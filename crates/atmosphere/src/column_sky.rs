@@ -22,11 +22,12 @@ use crate::ladder::{Ladder, Rung};
 use crate::medium::{Layer, Medium, Strata};
 use crate::phase::Phase;
 use crate::radiance::{
-    Fan, FieldSuns, Gathered, Lattice, Look, Optics, Projected, Sight, SunDepths, SunRays, Weighed, arriving_at,
-    gather, gather_ground, project, solve_entry,
+    Fan, FieldSuns, Gathered, Lattice, Look, Optics, Projected, Sight, SunDepths, SunRays, Turn, Weighed,
+    arriving_at, gather, gather_ground, project, solve_entry,
 };
 use crate::ray::Shells;
 use crate::solver::{Field, Solution};
+use crate::wide::{exp, wide_too};
 use crate::{Needs, Path, SkyState, Sun};
 
 /// How a column is solved.
@@ -98,12 +99,13 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
     let scattering = Scattering::new(&nodes, if directional { &zeniths } else { &[] }, &optics);
     let keep = needs.path_heights.map_or(f64::INFINITY, |(_, high)| 1.1 * high.max(0.0) + 100.0);
     let columns: Vec<Column> = (optics.into_par_iter().zip(&places))
-        .map(|(optics, place)| {
+        .map_init(Workspace::default, |workspace, (optics, place)| {
             let (lattice, fields) = (&lattices.lattices[*place], &lattices.fields[*place]);
-            let solution = solve_entry(&optics, fields, settings.accuracy);
+            solve_entry(&optics, fields, settings.accuracy, &mut workspace.solution);
             let depths: Vec<SunDepths> = lattices.rays[*place].iter().map(|sun| sun.depths(&optics)).collect();
             let sky = directional
-                .then(|| nodes.solve((&rays[*place], &scattering), &lattices, *place, &optics, &solution, &depths));
+                .then(|| nodes.solve((&rays[*place], &scattering), &lattices, *place, &optics, workspace, &depths));
+            let solution = &workspace.solution;
             let first = lattice.first_below(keep);
             let of_suns = paths.then(|| {
                 (depths.iter().zip(&zeniths).enumerate())
@@ -173,6 +175,18 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
             .collect()
     };
     air.albedos.iter().map(over).collect()
+}
+
+/// Where columns are solved one after another.
+#[derive(Default)]
+struct Workspace {
+    solution: Solution,
+    weighed: Vec<Weighed>,
+    /// By ray and field.
+    projected: Vec<Vec<Projected>>,
+    /// By azimuth, and mixed for another.
+    gathered: Vec<Gathered>,
+    mixed: Gathered,
 }
 
 /// A column of the ladder, solved.
@@ -332,7 +346,7 @@ impl Nodes {
         lattices: &Lattices,
         lattice: usize,
         optics: &Optics,
-        solution: &Solution,
+        Workspace { solution, weighed, projected, gathered: all, mixed }: &mut Workspace,
         depths: &[SunDepths],
     ) -> NodeSky {
         let (suns, fields) = (&lattices.rays[lattice], &lattices.fields[lattice]);
@@ -348,26 +362,25 @@ impl Nodes {
             returned: solution.ground.arrives / PI,
         };
         let phases: Vec<Vec<f64>> = optics.phases.iter().map(|phase| scattering.values(phase)).collect();
-        let mut projected = vec![Projected::default(); solution.beams.len()];
-        for (j, NodeRay { sight, fans, mixes }) in rays.iter().enumerate() {
-            let weighed = Weighed::new(optics, sight);
-            sky.by_ground.push(gather_ground(&weighed, &solution.ground));
-            for (field, out) in solution.beams.iter().zip(&mut projected) {
-                project(&weighed, field, fields.draws_by_place(sight), out);
-            }
+        weighed.resize_with(rays.len(), Weighed::default);
+        for (weighed, NodeRay { sight, .. }) in weighed.iter_mut().zip(rays) {
+            weighed.weigh(optics, sight, solution.orders(), fields.draws_by_place(sight));
+        }
+        project(weighed, &solution.beams, projected);
+        for (j, (NodeRay { sight, fans, mixes }, weighed)) in rays.iter().zip(weighed).enumerate() {
+            sky.by_ground.push(gather_ground(weighed, &solution.ground));
             for (i, (fan, (depths, out))) in fans.iter().zip(depths.iter().zip(&mut sky.by_sun)).enumerate() {
-                let all = gather(optics, sight, &weighed, fan, depths, &projected);
-                for (k, (azimuth, mix)) in self.ring(j).iter().zip(mixes).enumerate() {
+                gather(optics, sight, weighed, fan, depths, &projected[j], all);
+                for (k, mix) in mixes.iter().enumerate() {
                     let place = i * self.len() + self.index(j, k);
-                    let mixed;
                     let one = if let [one] = all.as_slice() {
                         one
                     } else {
-                        mixed = Gathered::mixed(&all, mix);
-                        &mixed
+                        mixed.mix(all, mix);
+                        &*mixed
                     };
                     let value = |phase: usize| phases[phase][place];
-                    let parts = one.parts_of(optics, value, scattering.cosines[place], *azimuth);
+                    let parts = one.parts_of(optics, value, &scattering.turns[place]);
                     out[self.index(j, k)] = parts.map(|l| l.max(0.0));
                 }
             }
@@ -378,38 +391,41 @@ impl Nodes {
 
 /// The scattering angles at the nodes, and the tables there of phase functions that many columns mix.
 struct Scattering {
-    /// cos Θ, by sun and node.
-    cosines: Vec<f64>,
+    /// By sun and node.
+    turns: Vec<Turn>,
     /// By address.
     tables: HashMap<usize, Vec<f64>>,
 }
 
 impl Scattering {
     fn new(nodes: &Nodes, zeniths: &[f64], optics: &[Optics]) -> Self {
-        let mut cosines = Vec::with_capacity(zeniths.len() * nodes.len());
+        let mut turns = Vec::with_capacity(zeniths.len() * nodes.len());
         for sun in zeniths {
             for (j, zenith) in nodes.zeniths.iter().enumerate() {
-                let cosine = |azimuth: &f64| cosine_between((*zenith, *sun), *azimuth).min(TIP.cos());
-                cosines.extend(nodes.ring(j).iter().map(cosine));
+                let cosine = |azimuth: f64| cosine_between((*zenith, *sun), azimuth).min(TIP.cos());
+                turns.extend(nodes.ring(j).iter().map(|azimuth| Turn::new(cosine(*azimuth), *azimuth)));
             }
         }
         let mut tables = HashMap::new();
         for (_, part) in optics.iter().flat_map(|optics| &optics.phases).flat_map(Phase::parts) {
             if part.is_table() {
-                let values = || cosines.iter().map(|cos| part.value(*cos)).collect();
+                let values = || turns.iter().map(|turn| part.value(turn.cos_scattering)).collect();
                 tables.entry(Arc::as_ptr(&part) as usize).or_insert_with(values);
             }
         }
-        Self { cosines, tables }
+        Self { turns, tables }
     }
 
     /// P at every angle.
     fn values(&self, phase: &Arc<Phase>) -> Vec<f64> {
-        let mut sums = vec![0.0; self.cosines.len()];
+        let mut sums = vec![0.0; self.turns.len()];
         for (share, part) in phase.parts() {
             match self.tables.get(&(Arc::as_ptr(&part) as usize)) {
                 Some(table) => sums.iter_mut().zip(table).for_each(|(sum, p)| *sum += share * p),
-                None => sums.iter_mut().zip(&self.cosines).for_each(|(sum, cos)| *sum += share * part.value(*cos)),
+                None => {
+                    let turns = sums.iter_mut().zip(&self.turns);
+                    turns.for_each(|(sum, turn)| *sum += share * part.value(turn.cos_scattering));
+                }
             }
         }
         sums
@@ -462,7 +478,8 @@ impl Shape {
         let mut lattices = Lattices::default();
         lattices.of(shells, &optics, zeniths);
         let (lattice, fields) = (&lattices.lattices[0], &lattices.fields[0]);
-        let solution = solve_entry(&optics, fields, settings.accuracy);
+        let mut solution = Solution::default();
+        solve_entry(&optics, fields, settings.accuracy, &mut solution);
         let all = (shells.top(), f64::INFINITY);
         let rays: Vec<(f64, Sight, Weighed, Vec<Projected>)> = (0..=Self::STEPS)
             .into_par_iter()
@@ -470,12 +487,11 @@ impl Shape {
                 let zenith = FRAC_PI_2 * i as f64 / Self::STEPS as f64;
                 let streams = settings.streams;
                 let sight = Sight::new(shells, lattice, Look::Up, (0.0, zenith), all, streams, streams);
-                let weighed = Weighed::new(&optics, &sight);
-                let mut projected = vec![Projected::default(); solution.beams.len()];
-                for (field, out) in solution.beams.iter().zip(&mut projected) {
-                    project(&weighed, field, fields.draws_by_place(&sight), out);
-                }
-                (zenith, sight, weighed, projected)
+                let weighed = [Weighed::new(&optics, &sight, solution.orders(), fields.draws_by_place(&sight))];
+                let mut projected = Vec::new();
+                project(&weighed, &solution.beams, &mut projected);
+                let [weighed] = weighed;
+                (zenith, sight, weighed, projected.remove(0))
             })
             .collect();
         (zeniths.par_iter().enumerate())
@@ -483,10 +499,10 @@ impl Shape {
                 let own = &lattices.rays[0][s];
                 let depths = own.depths(&optics);
                 let mut parts: [[Vec<f64>; 3]; 2] = Default::default();
-                let mut halo = Vec::new();
+                let (mut halo, mut all) = (Vec::new(), Vec::new());
                 for (zenith, sight, weighed, projected) in &rays {
                     let fan = Fan::new(sight, own, fields, s, &FEW);
-                    let all = gather(&optics, sight, weighed, &fan, &depths, projected);
+                    gather(&optics, sight, weighed, &fan, &depths, projected, &mut all);
                     for (a, (gathered, azimuth)) in all.iter().zip(FEW).enumerate() {
                         let cos = cosine_between((*zenith, *sun), azimuth);
                         let [smooth, _] = gathered.parts(&optics, cos, azimuth);
@@ -534,19 +550,21 @@ impl Shape {
 /// positive.
 struct Shares {
     values: Vec<f64>,
-    /// NaN where a value is not positive.
+    /// NaN where a value is not positive; none where no columns are mixed.
     logs: Vec<f64>,
 }
 
 impl Shares {
-    fn new(values: impl Iterator<Item = f64>) -> Self {
+    fn new(values: impl Iterator<Item = f64>, mixed: bool) -> Self {
         let values: Vec<f64> = values.collect();
-        let logs = values.iter().map(|value| if *value > 1e-290 { value.ln() } else { f64::NAN }).collect();
-        Self { values, logs }
+        let log = |value: &f64| if *value > 1e-290 { value.ln() } else { f64::NAN };
+        Self { logs: if mixed { values.iter().map(log).collect() } else { Vec::new() }, values }
     }
+}
 
+wide_too! {
     /// Columns mixed by shares that add up to 1.
-    fn mixed(columns: &[Self], shares: &[(usize, f64)], out: &mut Vec<f64>) {
+    fn mix(columns: &[Shares], shares: &[(usize, f64)], out: &mut Vec<f64>) {
         out.clear();
         if let [(column, _)] = shares {
             out.extend(&columns[*column].values);
@@ -556,11 +574,16 @@ impl Shares {
         for (c, share) in shares {
             out.iter_mut().zip(&columns[*c].logs).for_each(|(sum, log)| *sum += share * log);
         }
-        for (node, value) in out.iter_mut().enumerate() {
-            *value = match value.is_nan() {
-                true => shares.iter().map(|(c, share)| share * columns[*c].values[node]).sum(),
-                false => value.exp(),
-            };
+        let mut all_positive = true;
+        for value in &mut *out {
+            all_positive &= !value.is_nan();
+            *value = exp(*value);
+        }
+        if all_positive {
+            return;
+        }
+        for (node, value) in out.iter_mut().enumerate().filter(|(_, value)| value.is_nan()) {
+            *value = shares.iter().map(|(c, share)| share * columns[*c].values[node]).sum();
         }
     }
 }
@@ -658,15 +681,16 @@ impl ColumnSkyState {
         let mut terms = vec![Vec::with_capacity(self.black.len()); parts * nodes.len()];
         let per = |x: f64| if x > 1e-200 { 1.0 / x } else { 0.0 };
         // L/E_d and L_g-light/S of the columns: by the sun at every node, part by part; by the ground at every zenith angle.
+        let mixed = self.shared.shares.iter().any(|shares| shares.len() > 1);
         let by_sun: Vec<Shares> = (skies.iter())
-            .map(|sky| Shares::new(sky.by_sun[place].iter().flatten().map(|l| l * per(sky.black[place]))))
+            .map(|sky| Shares::new(sky.by_sun[place].iter().flatten().map(|l| l * per(sky.black[place])), mixed))
             .collect();
         let by_ground: Vec<Shares> =
-            skies.iter().map(|sky| Shares::new(sky.by_ground.iter().map(|l| l * per(sky.returned)))).collect();
+            skies.iter().map(|sky| Shares::new(sky.by_ground.iter().map(|l| l * per(sky.returned)), mixed)).collect();
         let (mut of_sun, mut of_ground) = (Vec::new(), Vec::new());
         for (i, shares) in self.shared.shares.iter().enumerate() {
-            Shares::mixed(&by_sun, shares, &mut of_sun);
-            Shares::mixed(&by_ground, shares, &mut of_ground);
+            mix(&by_sun, shares, &mut of_sun);
+            mix(&by_ground, shares, &mut of_ground);
             let (sun, ground) = (self.solar[i] * self.black[i], self.shining[i] * fluxes[i].returned);
             for (j, from_ground) in of_ground.iter().enumerate() {
                 for k in 0..nodes.ring(j).len() {
@@ -709,7 +733,7 @@ impl ColumnSkyState {
         let sun = self.sun.true_zenith;
         let cos_sun = cosine_between((zenith, sun), turn);
         let cos_scattering = if looks_down { -cos_sun } else { cos_sun };
-        let orders = self.lit.iter().map(|(_, field)| field.orders.len()).max().unwrap_or(1);
+        let orders = self.lit.iter().map(|(_, field)| field.orders()).max().unwrap_or(1);
         let ray = |lattice: &Arc<Lattice>, from: f64, until: (f64, f64)| {
             let sight = Sight::new(&shared.shells, lattice, look, (from, zenith), until, shared.streams, orders);
             let fan = Fan::alone(&sight, sun, &self.lit[0].0, turn);
@@ -720,13 +744,16 @@ impl ColumnSkyState {
         let (from, to) = if looks_down { (0.0, low) } else { (high, shared.shells.top()) };
         let behind: Vec<Option<(Sight, Fan)>> =
             shared.lattices.iter().map(|l| (to > from).then(|| ray(l, from, (to, f64::INFINITY)))).collect();
-        let mut projected = [Projected::default()];
+        let mut workspace = Workspace::default();
         let mut seen = |(sight, fan): &(Sight, Fan), optics: &Optics, ground: &Field, lit: &(SunDepths, Field)| {
-            let weighed = Weighed::new(optics, sight);
-            project(&weighed, &lit.1, false, &mut projected[0]);
-            let gathered = gather(optics, sight, &weighed, fan, &lit.0, &projected).remove(0);
-            let by_sun = gathered.radiance(optics, cos_scattering, between);
-            (by_sun, gather_ground(&weighed, ground), weighed.transmittance())
+            workspace.weighed.resize_with(1, Weighed::default);
+            workspace.weighed[0].weigh(optics, sight, lit.1.orders(), false);
+            let Workspace { weighed, projected, gathered, .. } = &mut workspace;
+            project(weighed, std::slice::from_ref(&lit.1), projected);
+            let weighed = &weighed[0];
+            gather(optics, sight, weighed, fan, &lit.0, &projected[0], gathered);
+            let by_sun = gathered[0].radiance(optics, cos_scattering, between);
+            (by_sun, gather_ground(weighed, ground), weighed.transmittance())
         };
         let to_sun = self.to_sun(crossed, (low, high));
         let columns = (shared.grounds.iter().zip(self.lit.iter()))

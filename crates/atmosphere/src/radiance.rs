@@ -25,7 +25,7 @@ use crate::medium::Medium;
 use crate::phase::Phase;
 use crate::ray::{Shells, Stretch};
 use crate::solver::{Arriving, Beam, Field, STREAMS, Scaled, Solution, arriving, normalised, solve};
-use crate::wide::wide_too;
+use crate::wide::{exp, wide_too};
 
 /// A column at one entry, as the solver and the line of sight take it.
 #[derive(Clone, Debug)]
@@ -177,10 +177,29 @@ impl Tail {
         Some(Self { values })
     }
 
-    fn value(&self, cos: f64) -> f64 {
-        let x = (cos.clamp(-1.0, 1.0).acos() / PI).sqrt() * Self::STEPS as f64;
-        let i = (x as usize).min(Self::STEPS - 1);
-        self.values[i] + (self.values[i + 1] - self.values[i]) * (x - i as f64)
+    /// Where a scattering angle stands among the values.
+    fn place(cos: f64) -> f64 {
+        (cos.clamp(-1.0, 1.0).acos() / PI).sqrt() * Self::STEPS as f64
+    }
+
+    fn at(&self, place: f64) -> f64 {
+        let i = (place as usize).min(Self::STEPS - 1);
+        self.values[i] + (self.values[i + 1] - self.values[i]) * (place - i as f64)
+    }
+}
+
+/// A direction of light: cos Θ of the scattering angle and cos Δφ of the azimuth between it and that of the beam.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Turn {
+    pub cos_scattering: f64,
+    cos_azimuth: f64,
+    /// In a [`Tail`].
+    place: f64,
+}
+
+impl Turn {
+    pub fn new(cos_scattering: f64, azimuth: f64) -> Self {
+        Self { cos_scattering, cos_azimuth: azimuth.cos(), place: Tail::place(cos_scattering) }
     }
 }
 
@@ -281,9 +300,21 @@ fn to_sun(shells: &Shells, lattice: &Lattice, zenith: f64) -> Vec<Option<Vec<f64
     lattice.levels.iter().map(|height| shells.towards_sun(*height, zenith)).collect()
 }
 
-/// Optical depths of those lengths, each layer by its extinction \[m⁻¹\].
+/// Optical depth of those lengths, each layer by its extinction \[m⁻¹\].
+#[inline(always)]
 fn depth_along(lengths: &Option<Vec<f64>>, extinction: &[f64]) -> f64 {
     lengths.as_ref().map_or(BLOCKED, |lengths| dot(lengths, extinction))
+}
+
+wide_too! {
+    /// From each of several places.
+    fn depths_along(lengths: &[Option<Vec<f64>>], extinction: &[f64]) -> Vec<f64> {
+        let mut depths = Vec::with_capacity(lengths.len());
+        for lengths in lengths {
+            depths.push(depth_along(lengths, extinction));
+        }
+        depths
+    }
 }
 
 impl SunRays {
@@ -309,7 +340,7 @@ impl SunRays {
         let levels = 0..self.offsets.rows.len();
         let own = |level| depth_along(&self.lengths[self.offsets.own(level)], &optics.tail).min(1e3);
         let tail = if optics.twice.is_some() { levels.map(own).collect() } else { Vec::new() };
-        let depths = self.lengths.iter().map(|lengths| depth_along(lengths, &optics.scaled)).collect();
+        let depths = depths_along(&self.lengths, &optics.scaled);
         SunDepths { offsets: Arc::clone(&self.offsets), from: 0, depths, tail }
     }
 }
@@ -339,36 +370,19 @@ impl SunDepths {
         }
     }
 
-    /// At a point of a ray for the sun that stands over it.
+    /// At a point of a ray for the sun that stands over it: by a parabola between the suns of each level.
     #[inline(always)]
-    fn at(&self, point: &Point, sun: SunAt) -> f64 {
-        if point.used == 1 {
-            return self.of_level(point.levels[0].0, sun);
+    fn at(&self, looked_up: &[SunAt]) -> f64 {
+        let mut sum = 0.0;
+        for sun in looked_up {
+            let [a, b, c] = [0, 1, 2].map(|i| self.depths[(sun.first + i).min(self.depths.len() - 1)]);
+            // Beside the shadow of the Earth: the nearest.
+            sum += match a.max(b).max(c) < BLOCKED {
+                true => sun.shares[0] * a + sun.shares[1] * b + sun.shares[2] * c,
+                false => sun.level_share * [a, b, c][sun.nearest],
+            };
         }
-        point.levels().map(|(level, share)| share * self.of_level(level, sun)).sum()
-    }
-
-    /// By a parabola between the suns of a level.
-    #[inline(always)]
-    fn of_level(&self, level: usize, sun: SunAt) -> f64 {
-        let (start, reach) = self.offsets.rows[level.max(self.from)];
-        let row = &self.depths[start - self.offsets.rows[self.from].0..][..2 * reach + 1];
-        if reach == 0 {
-            return row[0];
-        }
-        let reach = reach as i32;
-        let nearest = sun.nearest.clamp(1 - reach, reach - 1);
-        let t = sun.beyond + f64::from(sun.nearest - nearest);
-        let [a, b, c] = [-1, 0, 1].map(|i| row[(reach + nearest + i) as usize]);
-        if a.max(b).max(c) < BLOCKED {
-            return (0.5 * t * ((t - 1.0) * a + (t + 1.0) * c) + (1.0 - t * t) * b).max(0.0);
-        }
-        // Beside the shadow of the Earth: the nearest.
-        match t {
-            t if t < -0.5 => a,
-            t if t > 0.5 => c,
-            _ => b,
-        }
+        sum.max(0.0)
     }
 
     fn tail_at(&self, point: &Point) -> f64 {
@@ -432,7 +446,7 @@ impl FieldSuns {
 
     fn beams(&self, optics: &Optics) -> Vec<Beam> {
         let transmittance =
-            |lengths: &Vec<Option<Vec<f64>>>| lengths.iter().map(|l| (-depth_along(l, &optics.scaled)).exp()).collect();
+            |lengths: &Vec<_>| depths_along(lengths, &optics.scaled).into_iter().map(|depth| exp(-depth)).collect();
         let beams = self.zeniths.iter().zip(&self.lengths);
         beams.map(|(zenith, l)| Beam { cosine: zenith.cos(), transmittance: transmittance(l) }).collect()
     }
@@ -609,11 +623,32 @@ impl Point {
     }
 }
 
-/// The sun over a point of a ray: the nearest of those to which depths are known, and how far it stands beyond.
+/// The sun over a point of a ray at a level of the lattice: the first of three suns beside it to which depths are known, and
+/// their shares.
 #[derive(Clone, Copy, Debug, Default)]
 struct SunAt {
-    nearest: i32,
-    beyond: f64,
+    first: usize,
+    shares: [f64; 3],
+    /// Which of the three is the nearest.
+    nearest: usize,
+    /// The share of the level, which those of the suns add up to.
+    level_share: f64,
+}
+
+impl SunAt {
+    /// For a sun `steps` beside the site's own, in depths from the level `from` down.
+    fn new(offsets: &Offsets, from: usize, (level, level_share): (usize, f64), steps: f64) -> Self {
+        let (start, reach) = offsets.rows[level.max(from)];
+        let start = start - offsets.rows[from].0;
+        if reach == 0 {
+            return Self { first: start, shares: [level_share, 0.0, 0.0], nearest: 0, level_share };
+        }
+        let middle = (steps.round() as i32).clamp(1 - reach as i32, reach as i32 - 1);
+        let t = steps - f64::from(middle);
+        let nearest = if t < -0.5 { 0 } else { 1 + usize::from(t > 0.5) };
+        let shares = [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)].map(|share| level_share * share);
+        Self { first: (start as i32 + reach as i32 + middle - 1) as usize, shares, nearest, level_share }
+    }
 }
 
 /// Where a sun's fields stand, and their shares in a cubic.
@@ -622,7 +657,7 @@ type FieldShares = (usize, [f64; 4]);
 /// The suns over the points of a ray at some azimuths from the sun's.
 #[derive(Clone, Debug)]
 pub(crate) struct Fan {
-    /// By azimuth and point.
+    /// By azimuth, point and level that a point draws on.
     suns: Vec<SunAt>,
     azimuths: usize,
     /// At each azimuth: for points of angles at the Earth's centre k `PLACE`.
@@ -655,10 +690,17 @@ impl Fan {
 impl Fan {
     /// For the `index`th sun of the site, at azimuths of the rising ray from its own \[rad\]; 0 rises towards the sun.
     pub fn new(sight: &Sight, rays: &SunRays, fields: &FieldSuns, index: usize, azimuths: &[f64]) -> Self {
-        Self::over(sight, rays.zenith, &rays.offsets, fields, index, azimuths)
+        Self::over(sight, rays.zenith, (&rays.offsets, 0), fields, index, azimuths)
     }
 
-    fn over(sight: &Sight, zenith: f64, offsets: &Offsets, fields: &FieldSuns, index: usize, azimuths: &[f64]) -> Self {
+    fn over(
+        sight: &Sight,
+        zenith: f64,
+        (offsets, from): (&Offsets, usize),
+        fields: &FieldSuns,
+        index: usize,
+        azimuths: &[f64],
+    ) -> Self {
         let (cos_sun, sin_sun) = (zenith.cos(), zenith.sin());
         let round = offsets.rows[0].1 > 0;
         let offset_at = |centre: f64, azimuth: f64| {
@@ -678,9 +720,8 @@ impl Fan {
             let at = |k: usize| fields.shares(index, zenith, offset_at(PLACE * k as f64, *azimuth));
             fan.fields.push(std::array::from_fn(at));
             for point in &sight.points {
-                let offset = offset_at(point.centre, *azimuth);
-                let nearest = (offset / offsets.step).round();
-                fan.suns.push(SunAt { nearest: nearest as i32, beyond: offset / offsets.step - nearest });
+                let steps = offset_at(point.centre, *azimuth) / offsets.step;
+                fan.suns.extend(point.levels().map(|level| SunAt::new(offsets, from, level, steps)));
             }
         }
         fan
@@ -691,32 +732,48 @@ impl Fan {
     /// For one sun whose field stands alone.
     pub fn alone(sight: &Sight, zenith: f64, depths: &SunDepths, azimuth: f64) -> Self {
         let fields = FieldSuns { zeniths: Vec::new(), places: Vec::new(), lengths: Vec::new() };
-        Self::over(sight, zenith, &depths.offsets, &fields, 0, &[azimuth])
+        Self::over(sight, zenith, (&depths.offsets, depths.from), &fields, 0, &[azimuth])
     }
 }
 
 /// A ray through a column at one entry: what the points count for, whatever the sun.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Weighed {
     /// Scaled optical depth to each point.
     passed: Vec<f64>,
     /// The first level that it draws on, and how far along the ray each is: the angle at the Earth's centre \[rad\].
     first: usize,
     centres: Vec<f64>,
-    /// What c_l^m counts for, by m, level and l.
+    /// What c_l^m counts for, by m, level and l; of so many orders.
     kernel: Vec<Vec<f64>>,
+    orders: usize,
+    /// Where light is told apart by the place it comes from: the place before each level, and its share of the kernel; the
+    /// rest is that of the next.
+    places: Vec<usize>,
+    near: Vec<Vec<f64>>,
     /// Between the points: half of what peaked scatterers scatter \[m⁻¹\], and q_ray.
     tail: (Vec<f64>, Vec<f64>),
 }
 
 impl Weighed {
-    pub fn new(optics: &Optics, sight: &Sight) -> Self {
+    /// For so many orders, with light told apart by place where wanted.
+    pub fn new(optics: &Optics, sight: &Sight, orders: usize, by_place: bool) -> Self {
+        let mut weighed = Self::default();
+        weighed.weigh(optics, sight, orders, by_place);
+        weighed
+    }
+
+    /// The same in the place of an earlier ray.
+    pub fn weigh(&mut self, optics: &Optics, sight: &Sight, orders: usize, by_place: bool) {
         let n = sight.points.len();
         let streams = optics.streams; // no more than the ray has
-        let mut passed = vec![0.0f64; n];
+        let Self { passed, tail, .. } = self;
+        passed.clear();
+        passed.resize(n, 0.0);
         // What c_l^m Λ_l^m counts for, by point and l.
         let mut coefficients = vec![0.0; n * streams];
-        let mut tail = (Vec::with_capacity(n), Vec::with_capacity(n));
+        tail.0.clear();
+        tail.1.clear();
         let mut tail_passed = 0.0;
         for (s, layer) in sight.layers.iter().enumerate() {
             let beta = optics.scaled[*layer];
@@ -741,25 +798,67 @@ impl Weighed {
             }
         }
         let levels = || sight.points.iter().flat_map(Point::levels).map(|(level, _)| level);
-        let (first, last) = levels().fold((usize::MAX, 0), |(a, b), level| (a.min(level), b.max(level)));
-        let count = if n == 0 { 0 } else { last - first + 1 };
-        let mut centres = vec![0.0; count];
-        let orders = sight.legendre.first().map_or(0, |rows| orders_in(rows.len(), sight.streams)).min(streams);
-        let mut kernel: Vec<Vec<f64>> = (0..orders).map(|m| vec![0.0; count * (streams - m)]).collect();
-        for (i, (coefficients, point)) in coefficients.chunks(streams).zip(&sight.points).enumerate() {
+        let (lowest, last) = levels().fold((usize::MAX, 0), |(a, b), level| (a.min(level), b.max(level)));
+        let count = if n == 0 { 0 } else { last - lowest + 1 };
+        self.first = lowest;
+        self.centres.clear();
+        self.centres.resize(count, 0.0);
+        // The ray meets most levels once.
+        let mut met = vec![false; count];
+        let mut meetings = Vec::with_capacity(n);
+        for (i, point) in sight.points.iter().enumerate() {
             for (level, share) in point.levels() {
-                centres[level - first] = point.centre;
-                let mut legendre = sight.legendre(i);
-                for (m, kernel) in kernel.iter_mut().enumerate() {
-                    let (own, rest) = legendre.split_at(sight.streams - m);
-                    let row = &mut kernel[(level - first) * (streams - m)..][..streams - m];
-                    let terms = coefficients[m..].iter().zip(own);
-                    row.iter_mut().zip(terms).for_each(|(sum, (k, p))| *sum += share * k * p);
-                    legendre = rest;
+                let level = level - lowest;
+                self.centres[level] = point.centre;
+                meetings.push(Meeting { point: i, level, share, first: !std::mem::replace(&mut met[level], true) });
+            }
+        }
+        let orders = sight.legendre.first().map_or(0, |rows| orders_in(rows.len(), sight.streams)).min(orders);
+        self.orders = orders;
+        self.kernel.resize_with(orders.max(self.kernel.len()), Vec::new);
+        self.places.clear();
+        let mut shares = Vec::new();
+        if by_place {
+            (self.places, shares) = self.centres.iter().map(|centre| place(*centre)).unzip();
+            self.near.resize_with(orders.max(self.near.len()), Vec::new);
+        }
+        let mut from = 0;
+        for (m, kernel) in self.kernel[..orders].iter_mut().enumerate() {
+            let width = streams - m;
+            kernel.resize(count * width, 0.0);
+            for (level, _) in met.iter().enumerate().filter(|(_, met)| !**met) {
+                kernel[level * width..][..width].fill(0.0);
+            }
+            weigh_order(kernel, &meetings, &coefficients, &Window { streams, m, from }, sight);
+            from += sight.streams - m;
+            if by_place {
+                let near = &mut self.near[m];
+                near.clear();
+                for (row, t) in kernel.chunks(width).zip(&shares) {
+                    near.extend(row.iter().map(|k| (1.0 - t) * k));
                 }
             }
         }
-        Self { passed, first, centres, kernel, tail }
+    }
+
+    /// The levels that a field has: how many of the first it lacks, its own first of them, and their number.
+    fn levels_of(&self, field: &Field) -> (usize, usize, usize) {
+        let levels = self.centres.len();
+        let above = (2 * field.first).saturating_sub(self.first).min(levels);
+        (above, (self.first + above).saturating_sub(2 * field.first), levels - above)
+    }
+
+    /// The kernel of an order and the moments of a field, at the levels that both have.
+    fn beside<'a>(&'a self, field: &'a Field, m: usize) -> [&'a [f64]; 2] {
+        let (kernel, rows) = (&self.kernel[m], field.order(m));
+        let width = kernel.len() / self.centres.len().max(1);
+        let (above, from, count) = self.levels_of(field);
+        [&kernel[above * width..], &rows[from * width..][..count * width]]
+    }
+
+    /// Orders that both have.
+    fn orders_of(&self, field: &Field) -> usize {
+        field.orders().min(self.orders)
     }
 
     /// Scaled transmittance of the whole ray.
@@ -768,47 +867,152 @@ impl Weighed {
     }
 }
 
+/// A point of a ray at a level of the lattice.
+struct Meeting {
+    point: usize,
+    level: usize,
+    share: f64,
+    /// Whether no point before it meets the level.
+    first: bool,
+}
+
+/// An order m of so many streams, whose Legendre functions begin here.
+struct Window {
+    streams: usize,
+    m: usize,
+    from: usize,
+}
+
 wide_too! {
-    /// What a ray draws from a field, place by place where wanted.
-    pub(crate) fn project(weighed: &Weighed, field: &Field, by_place: bool, out: &mut Projected) {
-        out.orders.clear();
-        out.places.clear();
-        out.centre = 0.0;
-        let levels = weighed.centres.len();
-        let above = (2 * field.first).saturating_sub(weighed.first).min(levels); // levels that were dropped
-        let from = (weighed.first + above).saturating_sub(2 * field.first);
-        let count = levels - above;
-        let orders = field.orders.len().min(weighed.kernel.len());
-        if by_place {
-            out.places.resize(PLACES * orders, 0.0);
-            for (m, (rows, kernel)) in field.orders.iter().zip(&weighed.kernel).enumerate() {
-                let width = kernel.len() / levels.max(1);
-                for k in 0..count {
-                    let own = dot(&kernel[(above + k) * width..][..width], &rows[(from + k) * width..][..width]);
-                    let (i, t) = place(weighed.centres[above + k]);
-                    out.places[i * orders + m] += (1.0 - t) * own;
-                    out.places[(i + 1) * orders + m] += t * own;
+    /// The kernel of one order, from what the points count for, by `streams` each.
+    fn weigh_order(kernel: &mut [f64], meetings: &[Meeting], coefficients: &[f64], order: &Window, sight: &Sight) {
+        let Window { streams, m, from } = *order;
+        let width = streams - m;
+        for meeting in meetings {
+            let row = &mut kernel[meeting.level * width..][..width];
+            let coefficients = &coefficients[meeting.point * streams + m..][..width];
+            let legendre = &sight.legendre(meeting.point)[from..][..width];
+            if meeting.first {
+                for l in 0..width {
+                    row[l] = meeting.share * coefficients[l] * legendre[l];
+                }
+            } else {
+                for l in 0..width {
+                    row[l] += meeting.share * coefficients[l] * legendre[l];
                 }
             }
-            return;
         }
-        for (rows, kernel) in field.orders.iter().zip(&weighed.kernel) {
-            let width = kernel.len() / levels.max(1);
-            out.orders.push(dot(&kernel[above * width..], &rows[from * width..][..count * width]));
+    }
+}
+
+wide_too! {
+    /// What rays draw from fields, by ray and field, in the place of what they drew before.
+    pub(crate) fn project(rays: &[Weighed], fields: &[Field], out: &mut Vec<Vec<Projected>>) {
+        out.resize_with(rays.len(), Vec::new);
+        for out in out.iter_mut() {
+            out.resize_with(fields.len(), Projected::default);
+            out.iter_mut().for_each(|one| one.orders.clear());
         }
-        let (mut light, mut moment) = (0.0, 0.0);
-        if let (Some(rows), Some(kernel)) = (field.orders.first(), weighed.kernel.first())
-            && weighed.centres.iter().any(|centre| *centre > 0.0)
-        {
-            let width = kernel.len() / levels.max(1);
-            for (k, centre) in weighed.centres.iter().enumerate().skip(above) {
-                let own = dot(&kernel[k * width..][..width], &rows[(from + k - above) * width..][..width]).abs();
-                light += own;
-                moment += own * centre;
+        let mut whole: Vec<usize> = Vec::with_capacity(rays.len());
+        for (r, ray) in rays.iter().enumerate() {
+            if ray.places.is_empty() {
+                whole.push(r);
+                continue;
+            }
+            for (field, out) in fields.iter().zip(&mut out[r]) {
+                by_place(ray, field, &mut out.places);
             }
         }
-        out.centre = if light > 0.0 { moment / light } else { 0.0 };
+        // Four rays and two fields at a time, which share what is read.
+        for some in whole.chunks(4) {
+            for (f, pair) in fields.chunks(2).enumerate() {
+                match (some, pair) {
+                    (&[a, b, c, d], [first, second]) => block([a, b, c, d], rays, [first, second], 2 * f, out),
+                    (&[a, b, c, d], [only]) => block([a, b, c, d], rays, [only], 2 * f, out),
+                    _ => some.iter().for_each(|r| {
+                        (pair.iter().enumerate()).for_each(|(i, field)| block([*r], rays, [field], 2 * f + i, out));
+                    }),
+                }
+            }
+        }
+        for r in whole {
+            for (field, out) in fields.iter().zip(&mut out[r]) {
+                out.places.clear();
+                out.centre = centre(&rays[r], field);
+            }
+        }
     }
+}
+
+/// What some rays draw from some fields, of which the first is the `f`th.
+#[inline(always)]
+fn block<const R: usize, const F: usize>(
+    of: [usize; R],
+    rays: &[Weighed],
+    fields: [&Field; F],
+    f: usize,
+    out: &mut [Vec<Projected>],
+) {
+    let orders = |r: usize, field: &Field| rays[of[r]].orders_of(field);
+    let most = (0..R).flat_map(|r| fields.iter().map(move |field| orders(r, field))).max().unwrap_or(0);
+    let like = |r: usize| (rays[of[r]].first, rays[of[r]].centres.len(), rays[of[r]].orders);
+    let alike = (0..R).all(|r| like(r) == like(0)) && fields.iter().all(|field| field.first == fields[0].first);
+    for m in 0..most {
+        if alike && (0..F).all(|i| m < orders(0, fields[i])) {
+            let kernels = std::array::from_fn(|r| rays[of[r]].beside(fields[0], m)[0]);
+            let sums: [[f64; F]; R] = dots(kernels, fields.map(|field| rays[of[0]].beside(field, m)[1]));
+            for (sums, r) in sums.iter().zip(of) {
+                sums.iter().enumerate().for_each(|(i, sum)| out[r][f + i].orders.push(*sum));
+            }
+            continue;
+        }
+        for r in 0..R {
+            for (i, field) in fields.iter().enumerate().filter(|(_, field)| m < orders(r, field)) {
+                let [kernel, rows] = rays[of[r]].beside(field, m);
+                out[of[r]][f + i].orders.push(dot(kernel, rows));
+            }
+        }
+    }
+}
+
+/// What a ray draws from a field by place and order.
+#[inline(always)]
+fn by_place(ray: &Weighed, field: &Field, sums: &mut Vec<f64>) {
+    let orders = ray.orders_of(field);
+    sums.clear();
+    sums.resize(PLACES * orders, 0.0);
+    let (above, from, _) = ray.levels_of(field);
+    let mut next = above;
+    for places in ray.places[above..].chunk_by(|a, b| a == b) {
+        let (start, place) = (next, places[0]);
+        next += places.len();
+        for m in 0..orders {
+            let width = ray.kernel[m].len() / ray.places.len();
+            let rows = &field.order(m)[(from + start - above) * width..][..places.len() * width];
+            let kernels = [&ray.kernel[m], &ray.near[m]].map(|kernel| &kernel[start * width..next * width]);
+            let [[all], [near]] = dots(kernels, [rows]);
+            sums[place * orders + m] += near;
+            sums[(place + 1) * orders + m] += all - near;
+        }
+    }
+}
+
+/// Mean angle at the Earth's centre of where a ray draws light of the order 0 from \[rad\].
+#[inline(always)]
+fn centre(ray: &Weighed, field: &Field) -> f64 {
+    let (mut light, mut moment) = (0.0, 0.0);
+    if ray.orders_of(field) > 0 && ray.centres.iter().any(|centre| *centre > 0.0) {
+        let [kernel, rows] = ray.beside(field, 0);
+        let (above, _, count) = ray.levels_of(field);
+        let width = kernel.len() / count.max(1);
+        let levels = kernel.chunks(width.max(1)).zip(rows.chunks(width.max(1)));
+        for ((kernel, row), centre) in levels.zip(&ray.centres[above..]) {
+            let own = dot(kernel, row).abs();
+            light += own;
+            moment += own * centre;
+        }
+    }
+    if light > 0.0 { moment / light } else { 0.0 }
 }
 
 /// Orders of which a row of Legendre functions holds all degrees.
@@ -827,29 +1031,38 @@ pub(crate) struct Projected {
     centre: f64,
 }
 
-impl Projected {
-    /// All light, of every order.
-    pub fn light(&self) -> f64 {
-        self.orders.iter().sum()
-    }
-}
-
 /// A ray flatter than this sees the sun change along its way \[cosine\]; for others the sun of the mean place serves.
 const FLAT: f64 = 0.2;
 
-/// Σ a b, in eight sums side by side.
+/// Σ a b of each row of one kind with each of another, all of one length: every sum as four side by side.
 #[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    let mut sums = [0.0; 8];
-    let (mut a8, mut b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    for (a, b) in a8.by_ref().zip(b8.by_ref()) {
-        for k in 0..8 {
-            sums[k] += a[k] * b[k];
+fn dots<const R: usize, const F: usize>(a: [&[f64]; R], b: [&[f64]; F]) -> [[f64; F]; R] {
+    let n = a.iter().chain(&b).map(|row| row.len()).min().unwrap_or(0);
+    let (a, b) = (a.map(|row| row[..n].as_chunks::<4>()), b.map(|row| row[..n].as_chunks::<4>()));
+    let mut sums = [[[0.0; 4]; F]; R];
+    for i in 0..n / 4 {
+        for r in 0..R {
+            let [w, x, y, z] = a[r].0[i];
+            for f in 0..F {
+                let (sum, b) = (&mut sums[r][f], b[f].0[i]);
+                *sum = [sum[0] + w * b[0], sum[1] + x * b[1], sum[2] + y * b[2], sum[3] + z * b[3]];
+            }
         }
     }
-    let rest: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(a, b)| a * b).sum();
-    let halves: [f64; 4] = std::array::from_fn(|k| sums[k] + sums[k + 4]);
-    (halves[0] + halves[2]) + (halves[1] + halves[3]) + rest
+    let rest = |r: usize, f: usize| -> f64 { a[r].1.iter().zip(b[f].1).map(|(a, b)| a * b).sum() };
+    std::array::from_fn(|r| {
+        std::array::from_fn(|f| {
+            let [w, x, y, z] = sums[r][f];
+            (w + y) + (x + z) + rest(r, f)
+        })
+    })
+}
+
+/// Σ a b.
+#[inline(always)]
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let [[sum]] = dots([a], [b]);
+    sum
 }
 
 /// What a ray gathers at one azimuth: light scattered once by each phase function without its P(Θ), and light scattered
@@ -870,7 +1083,7 @@ impl Gathered {
 
     /// L in two parts: what varies slowly over the sky, and what peaked scatterers make of the beam.
     pub fn parts(&self, optics: &Optics, cos_scattering: f64, azimuth: f64) -> [f64; 2] {
-        self.parts_of(optics, |phase| optics.phases[phase].value(cos_scattering), cos_scattering, azimuth)
+        self.parts_of(optics, |phase| optics.phases[phase].value(cos_scattering), &Turn::new(cos_scattering, azimuth))
     }
 
     /// The same with the values of the phase functions.
@@ -879,8 +1092,7 @@ impl Gathered {
         &self,
         optics: &Optics,
         value: impl Fn(usize) -> f64,
-        cos_scattering: f64,
-        azimuth: f64,
+        turn: &Turn,
     ) -> [f64; 2] {
         let mut parts = [0.0; 2];
         for (phase, (k, peaked)) in self.once.iter().zip(&optics.peaked).enumerate() {
@@ -889,10 +1101,10 @@ impl Gathered {
             }
         }
         if let Some(tail) = &optics.twice {
-            parts[1] += self.twice * tail.value(cos_scattering);
+            parts[1] += self.twice * tail.at(turn.place);
         }
         // cos (m+1)φ = 2 cos φ cos mφ − cos (m−1)φ
-        let cos = azimuth.cos();
+        let cos = turn.cos_azimuth;
         let (mut before, mut now) = (cos, 1.0);
         for l in &self.orders {
             parts[0] += l * now;
@@ -905,7 +1117,7 @@ impl Gathered {
     pub fn halo(&self, optics: &Optics, cos_scattering: f64) -> f64 {
         let all: f64 = self.of_peaked(optics).map(|(k, _)| k).sum();
         let once: f64 = self.of_peaked(optics).map(|(k, phase)| k * phase.value(cos_scattering)).sum();
-        let twice = optics.twice.as_ref().map_or(0.0, |tail| self.twice * tail.value(cos_scattering));
+        let twice = optics.twice.as_ref().map_or(0.0, |tail| self.twice * tail.at(Tail::place(cos_scattering)));
         if all > 0.0 { (once + twice).max(0.05 * once) / all } else { 0.0 }
     }
 
@@ -915,16 +1127,22 @@ impl Gathered {
         all.filter(|(_, peaked)| **peaked).map(|((k, phase), _)| (*k, Arc::clone(phase)))
     }
 
-    /// A sum of shares of what was gathered at some azimuths.
-    pub fn mixed(gathered: &[Gathered], shares: &[f64]) -> Self {
-        let mut sum =
-            Self { once: vec![0.0; gathered[0].once.len()], orders: vec![0.0; gathered[0].orders.len()], twice: 0.0 };
+    fn reset(&mut self, phases: usize, orders: usize) {
+        self.once.clear();
+        self.once.resize(phases, 0.0);
+        self.orders.clear();
+        self.orders.resize(orders, 0.0);
+        self.twice = 0.0;
+    }
+
+    /// Becomes a sum of shares of what was gathered at some azimuths.
+    pub fn mix(&mut self, gathered: &[Gathered], shares: &[f64]) {
+        self.reset(gathered[0].once.len(), gathered[0].orders.len());
         for (one, share) in gathered.iter().zip(shares) {
-            sum.once.iter_mut().zip(&one.once).for_each(|(sum, k)| *sum += share * k);
-            sum.orders.iter_mut().zip(&one.orders).for_each(|(sum, l)| *sum += share * l);
-            sum.twice += share * one.twice;
+            self.once.iter_mut().zip(&one.once).for_each(|(sum, k)| *sum += share * k);
+            self.orders.iter_mut().zip(&one.orders).for_each(|(sum, l)| *sum += share * l);
+            self.twice += share * one.twice;
         }
-        sum
     }
 }
 
@@ -937,8 +1155,9 @@ wide_too! {
         weighed: &Weighed,
         fan: &Fan,
         depths: &SunDepths,
-        projected: &[Projected]
-    ) -> Vec<Gathered> {
+        projected: &[Projected],
+        all: &mut Vec<Gathered>
+    ) {
         let n = sight.points.len();
         let orders = projected.iter().map(|p| p.orders.len().max(p.places.len() / PLACES)).max().unwrap_or(0);
         let (mut depth, mut light, mut got) = (vec![0.0; n], vec![0.0; n], vec![0.0; sight.lengths.len()]);
@@ -948,16 +1167,18 @@ wide_too! {
             let tails: Vec<f64> = sight.points.iter().map(|point| depths.tail_at(point)).collect();
             q.extend(tails.windows(2).zip(&weighed.tail.1).map(|(tails, q_ray)| 0.5 * (tails[0] + tails[1]) + q_ray));
         }
-        let mut all = Vec::with_capacity(fan.azimuths);
-        for azimuth in 0..fan.azimuths {
-            let suns = &fan.suns[azimuth * n..][..n];
-            let mut gathered = Gathered { once: vec![0.0; optics.phases.len()], orders: vec![0.0; orders], twice: 0.0 };
+        all.resize_with(fan.azimuths, Gathered::default);
+        for (azimuth, gathered) in all.iter_mut().enumerate() {
+            let mut suns = &fan.suns[azimuth * (fan.suns.len() / fan.azimuths)..];
+            gathered.reset(optics.phases.len(), orders);
             // Depth by way of each point, sun and ray together, and what comes through.
             for i in 0..n {
-                depth[i] = depths.at(&sight.points[i], suns[i]) + weighed.passed[i];
+                let (own, rest) = suns.split_at(sight.points[i].used);
+                depth[i] = depths.at(own) + weighed.passed[i];
+                suns = rest;
             }
-            for (light, depth) in light.iter_mut().zip(&depth) {
-                *light = if *depth < 700.0 { (-depth).exp() } else { 0.0 };
+            for i in 0..n {
+                light[i] = exp(-depth[i]);
             }
             // The depth runs straight between the points: ∫ e^(−x), exact for one layer of a flat Earth.
             for (i, got) in got.iter_mut().enumerate() {
@@ -972,34 +1193,39 @@ wide_too! {
                 let got = got[0] + got[1];
                 gathered.once.iter_mut().zip(optics.scattering(*layer)).for_each(|(k, beta)| *k += beta * got);
             }
-            let mut add = |(first, cubic): FieldShares, of: &dyn Fn(&Projected) -> &[f64]| {
-                for (field, share) in projected[first..].iter().zip(cubic).filter(|(_, share)| *share != 0.0) {
-                    gathered.orders.iter_mut().zip(of(field)).for_each(|(sum, value)| *sum += share * value);
-                }
-            };
             // Any field of the sun tells how the light was drawn, and where most of it comes from.
             let any = &projected[fan.fields[azimuth][0].0];
             if any.places.is_empty() {
-                add(fan.mean(azimuth, any.centre), &|field| &field.orders);
+                let (first, shares) = fan.mean(azimuth, any.centre);
+                for (field, share) in projected[first..].iter().zip(shares) {
+                    add_shares(&mut gathered.orders, &field.orders, share);
+                }
             } else {
-                for (i, fields) in fan.fields[azimuth].iter().enumerate() {
-                    add(*fields, &|field| {
+                for (i, (first, shares)) in fan.fields[azimuth].into_iter().enumerate() {
+                    for (field, share) in projected[first..].iter().zip(shares) {
                         let own = field.places.len() / PLACES;
-                        &field.places[i * own..][..own]
-                    });
+                        add_shares(&mut gathered.orders, &field.places[i * own..][..own], share);
+                    }
                 }
             }
-            all.push(gathered);
         }
-        all
+    }
+}
+
+#[inline(always)]
+fn add_shares(sums: &mut [f64], values: &[f64], share: f64) {
+    if share != 0.0 {
+        sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
     }
 }
 
 /// Light of a ground of radiance 1, gathered along a ray; it has no azimuth.
 pub(crate) fn gather_ground(weighed: &Weighed, ground: &Field) -> f64 {
-    let mut projected = Projected::default();
-    project(weighed, ground, false, &mut projected);
-    projected.light().max(0.0)
+    if weighed.orders_of(ground) == 0 {
+        return 0.0;
+    }
+    let [kernel, rows] = weighed.beside(ground, 0);
+    dot(kernel, rows).max(0.0)
 }
 
 /// Weights of J at u = 0, `split` and 1 in ∫₀¹ J(u) e^(−T u) du, J a parabola.
@@ -1032,8 +1258,8 @@ fn falling_moments(depth: f64) -> [f64; 3] {
 }
 
 /// Solves a column at one entry: the fields of some suns, and of a shining ground.
-pub(crate) fn solve_entry(optics: &Optics, suns: &FieldSuns, accuracy: f64) -> Solution {
-    solve(optics.streams, &optics.layers, &suns.beams(optics), accuracy)
+pub(crate) fn solve_entry(optics: &Optics, suns: &FieldSuns, accuracy: f64, solution: &mut Solution) {
+    solve(optics.streams, &optics.layers, &suns.beams(optics), accuracy, solution);
 }
 
 /// The irradiances at the ground alone.
@@ -1065,7 +1291,8 @@ impl Probe {
         let lattice = Lattice::new(&shells, &optics);
         let rays = SunRays::new(&shells, &lattice, sun);
         let fields = FieldSuns::new(&shells, &lattice, &[sun], false);
-        let solution = solve_entry(&optics, &fields, accuracy);
+        let mut solution = Solution::default();
+        solve_entry(&optics, &fields, accuracy, &mut solution);
         Self { depths: rays.depths(&optics), shells, optics, lattice, rays, fields, solution }
     }
 
@@ -1080,13 +1307,14 @@ impl Probe {
     pub fn gather(&self, look: Look, zenith: f64, azimuth: f64) -> (Gathered, f64, f64) {
         let (streams, all) = (self.optics.streams, (self.shells.top(), f64::INFINITY));
         let sight = Sight::new(&self.shells, &self.lattice, look, (0.0, zenith), all, streams, streams);
-        let weighed = Weighed::new(&self.optics, &sight);
+        let weighed = [Weighed::new(&self.optics, &sight, streams, self.fields.draws_by_place(&sight))];
         let fan = Fan::new(&sight, &self.rays, &self.fields, 0, &[azimuth]);
-        let mut projected = vec![Projected::default(); self.solution.beams.len()];
-        for (field, out) in self.solution.beams.iter().zip(&mut projected) {
-            project(&weighed, field, self.fields.draws_by_place(&sight), out);
-        }
-        let gathered = gather(&self.optics, &sight, &weighed, &fan, &self.depths, &projected).remove(0);
+        let mut projected = Vec::new();
+        project(&weighed, &self.solution.beams, &mut projected);
+        let [weighed] = weighed;
+        let mut gathered = Vec::new();
+        gather(&self.optics, &sight, &weighed, &fan, &self.depths, &projected[0], &mut gathered);
+        let gathered = gathered.remove(0);
         (gathered, gather_ground(&weighed, &self.solution.ground), weighed.passed[weighed.passed.len() - 1])
     }
 }

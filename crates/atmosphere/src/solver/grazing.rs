@@ -16,6 +16,7 @@ use super::quadrature::Quadrature;
 
 /// e(t) at the levels of a stack: edges and middles of its parts, from the top down. A parabola through the three of a part
 /// has the integral of e over it, though e may swing within.
+#[derive(Debug, Default)]
 pub(super) struct Grazing {
     /// Of what comes down.
     pub down: Vec<f64>,

@@ -60,8 +60,10 @@ pub(crate) struct Beam {
 /// The field under one beam, or over a ground that shines.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Field {
-    /// c_l^m by order m, at the edges and middles of the parts from the top down: a row of `streams − m` values each.
-    pub orders: Vec<Vec<f64>>,
+    /// c_l^m, order after order, at the edges and middles of the parts from the top down: a row of `streams − m` values each.
+    moments: Vec<f64>,
+    /// Where the orders end in these.
+    ends: Vec<usize>,
     /// Edges and middles.
     pub levels: usize,
     /// The part that these begin with.
@@ -73,33 +75,59 @@ pub(crate) struct Field {
 }
 
 impl Field {
+    /// The number of orders.
+    pub fn orders(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Those of one order.
+    #[inline(always)]
+    pub fn order(&self, m: usize) -> &[f64] {
+        let start = if m == 0 { 0 } else { self.ends[m - 1] };
+        &self.moments[start..self.ends[m]]
+    }
+
+    fn clear(&mut self) {
+        self.moments.clear();
+        self.ends.clear();
+    }
+
     /// The sum of shares of fields, from a part down.
     pub fn mixed(fields: &[Field], shares: &[f64], first: usize) -> Self {
         let mut out = Self { first, ..Self::default() };
         for (field, share) in fields.iter().zip(shares) {
-            let dropped = 2 * (first - field.first);
-            out.levels = field.levels - dropped;
-            for (m, rows) in field.orders.iter().enumerate() {
-                let rows = &rows[dropped * rows.len() / field.levels..];
-                if out.orders.len() <= m {
-                    out.orders.push(vec![0.0; rows.len()]);
-                }
-                out.orders[m].iter_mut().zip(rows).for_each(|(sum, c)| *sum += share * c);
-            }
             out.leaves += share * field.leaves;
             out.arrives += share * field.arrives;
+        }
+        for m in 0..fields.iter().map(Field::orders).max().unwrap_or(0) {
+            let start = out.moments.len();
+            for (field, share) in fields.iter().zip(shares).filter(|(field, _)| m < field.orders()) {
+                let dropped = 2 * (first - field.first);
+                out.levels = field.levels - dropped;
+                let rows = &field.order(m)[dropped * field.order(m).len() / field.levels..];
+                out.moments.resize(start + rows.len(), 0.0);
+                out.moments[start..].iter_mut().zip(rows).for_each(|(sum, c)| *sum += share * c);
+            }
+            out.ends.push(out.moments.len());
         }
         out
     }
 }
 
 /// The answer for one stack.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct Solution {
     /// One a beam, over a black ground.
     pub beams: Vec<Field>,
     /// Of a ground that shines with radiance 1, without any beam.
     pub ground: Field,
+}
+
+impl Solution {
+    /// Orders that any beam has.
+    pub fn orders(&self) -> usize {
+        self.beams.iter().map(Field::orders).max().unwrap_or(0).max(self.ground.orders())
+    }
 }
 
 /// Diffuse irradiance on a level surface below a stack, over a black ground.
@@ -115,14 +143,14 @@ pub(crate) struct Arriving {
 pub(crate) const STREAMS: [usize; 5] = [4, 8, 16, 32, 64];
 
 wide_too! {
-    /// Solves a stack with one of [`STREAMS`].
-    pub(crate) fn solve(streams: usize, layers: &[Scaled], beams: &[Beam], accuracy: f64) -> Solution {
+    /// Solves a stack with one of [`STREAMS`], in the place of an earlier solution.
+    pub(crate) fn solve(streams: usize, layers: &[Scaled], beams: &[Beam], accuracy: f64, solution: &mut Solution) {
         match streams {
-            4 => stack::<2>(layers, beams, accuracy),
-            8 => stack::<4>(layers, beams, accuracy),
-            16 => stack::<8>(layers, beams, accuracy),
-            32 => stack::<16>(layers, beams, accuracy),
-            _ => stack::<32>(layers, beams, accuracy),
+            4 => stack::<2>(layers, beams, accuracy, solution),
+            8 => stack::<4>(layers, beams, accuracy, solution),
+            16 => stack::<8>(layers, beams, accuracy, solution),
+            32 => stack::<16>(layers, beams, accuracy, solution),
+            _ => stack::<32>(layers, beams, accuracy, solution),
         }
     }
 }
@@ -141,25 +169,26 @@ wide_too! {
 }
 
 #[inline(always)]
-fn stack<const N: usize>(layers: &[Scaled], beams: &[Beam], accuracy: f64) -> Solution
+fn stack<const N: usize>(layers: &[Scaled], beams: &[Beam], accuracy: f64, solution: &mut Solution)
 where
     Sizes: Eigen<N>,
 {
     let quadrature = Quadrature::<N>::new();
-    let mut solution = Solution { beams: vec![Field::default(); beams.len()], ground: Field::default() };
+    solution.beams.resize_with(beams.len(), Field::default);
+    solution.beams.iter_mut().chain([&mut solution.ground]).for_each(Field::clear);
     // Each beam has its own end, whatever beams stand beside it.
     let mut open: Vec<Open> = beams.iter().map(|_| Open::default()).collect();
     let grazing = Grazing::new(&quadrature, layers);
+    let mut scratch = Scratch::default();
     for m in 0..2 * N {
         if m > 0 && open.iter().all(|beam| beam.done) {
             break;
         }
         let order = Order::new(m, &quadrature);
         let operators = operators(&order, layers);
-        let stack = Stack::new(&order, layers, &operators);
+        let stack = Stack::new(&order, layers, &operators, &grazing);
         if m == 0 {
-            stack.add(None, &quadrature.lambertian(), &mut solution.ground);
-            stack.mend(layers, &grazing, None, &mut solution.ground);
+            stack.add(None, &mut scratch, &mut solution.ground);
         }
         for ((beam, field), open) in beams.iter().zip(&mut solution.beams).zip(&mut open) {
             if open.done {
@@ -169,33 +198,37 @@ where
                 open.done = true;
                 continue;
             }
-            stack.add(Some(beam), &[0.0; N], field);
-            stack.mend(layers, &grazing, Some(beam), field);
-            let size = size(m, layers, field);
-            if m == 0 {
-                open.scale = size;
-            } else {
-                open.small = if size <= accuracy * open.scale { open.small + 1 } else { 0 };
-                open.done = open.small == 2;
-            }
+            stack.add(Some(beam), &mut scratch, field);
+            open.sized(size(m, layers, field), accuracy);
         }
     }
-    solution
 }
 
 /// Whether a beam still wants orders.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Open {
     done: bool,
-    /// The size of J at m = 0.
-    scale: f64,
-    /// Orders in a row that changed little.
-    small: usize,
+    /// Sizes of J by order.
+    sizes: Vec<f64>,
+}
+
+impl Open {
+    /// With the size of the next order. From one to the next they fall by about the same factor; two of them at least have
+    /// to, for one alone may be small by its sign.
+    fn sized(&mut self, size: f64, accuracy: f64) {
+        self.sizes.push(size);
+        let [scale, .., before, last, size] = self.sizes[..] else { return };
+        let ratio = |a: f64, b: f64| if a > 0.0 { a / b } else { 0.0 };
+        let falls = ratio(size, last).max(ratio(last, before));
+        let rest = if falls < 1.0 { size * falls / (1.0 - falls) } else { f64::INFINITY };
+        self.done = rest <= accuracy * scale;
+    }
 }
 
 /// How large J is in the moments of order m: the most of any layer.
+#[inline(always)]
 fn size(m: usize, layers: &[Scaled], field: &Field) -> f64 {
-    let rows = &field.orders[m];
+    let rows = field.order(m);
     let width = rows.len() / field.levels;
     let (mut k, mut most) = (0, 0.0f64);
     for layer in layers {
@@ -232,6 +265,8 @@ struct Joined<const N: usize> {
 /// The layers at one order, joined.
 struct Stack<'a, const N: usize> {
     order: &'a Order<N>,
+    layers: &'a [Scaled],
+    grazing: &'a Grazing,
     operators: &'a [Operator<N>],
     /// From the top down.
     joined: Vec<Joined<N>>,
@@ -242,7 +277,12 @@ where
     Sizes: Eigen<N>,
 {
     #[inline(always)]
-    fn new(order: &'a Order<N>, layers: &[Scaled], operators: &'a [Operator<N>]) -> Self {
+    fn new(
+        order: &'a Order<N>,
+        layers: &'a [Scaled],
+        operators: &'a [Operator<N>],
+        grazing: &'a Grazing,
+    ) -> Self {
         let parts: usize = layers.iter().map(|layer| layer.parts).sum();
         let mut joined: Vec<Joined<N>> = Vec::with_capacity(parts);
         let mut below = [[0.0; N]; N];
@@ -282,7 +322,7 @@ where
             }
         }
         joined.reverse();
-        Self { order, operators, joined }
+        Self { order, layers, grazing, operators, joined }
     }
 
     /// Whether nothing scatters at this order.
@@ -308,15 +348,17 @@ where
         }
     }
 
-    /// Solves for one beam, or for light `from_ground` alone, and appends the order's moments.
+    /// Solves for one beam, or for a ground of radiance 1 alone, and appends the order's moments.
     #[inline(always)]
-    fn add(&'a self, beam: Option<&Beam>, from_ground: &Vector<N>, field: &mut Field) {
+    fn add(&'a self, beam: Option<&Beam>, scratch: &mut Scratch<N>, field: &mut Field) {
         let n = self.joined.len();
         let toward = beam.map(|beam| self.order.toward(-beam.cosine));
+        let Scratch { lit, climbing, rows } = scratch;
+        lit.clear();
+        climbing.clear();
+        rows.clear();
         // Upwards: S above each part, and g of it.
-        let mut emission = *from_ground;
-        let mut lit: Vec<Option<Lit<N>>> = Vec::with_capacity(n);
-        let mut climbing: Vec<(Vector<N>, Vector<N>)> = Vec::with_capacity(n); // S below the part, g
+        let mut emission = if beam.is_some() { [0.0; N] } else { self.order.lambertian };
         let mut source = (usize::MAX, Source::default());
         for (i, part) in self.joined.iter().enumerate().rev() {
             let below = emission;
@@ -352,14 +394,13 @@ where
 
         // Downwards.
         field.levels = 2 * n + 1;
-        let mut moments = Vec::with_capacity(field.levels * (2 * N - self.order.m));
         let mut down = [0.0; N];
         let mut up = emission;
         let (mut x, mut y) = both(&up, &down);
         if self.order.m == 0 {
             field.leaves = self.order.flux(&up);
         }
-        self.order.moments_at_nodes.of(&x, &y, &mut moments);
+        rows.push(self.order.moments_at_nodes.of(&x, &y));
         let mut above = (usize::MAX, [0.0; N]); // layer, Gᵀ x at the upper edge of the part
         for (i, part) in self.joined.iter().enumerate() {
             let (below, g) = &climbing[n - 1 - i]; // from the lowest part on
@@ -377,7 +418,7 @@ where
                     let lower = apply_transposed(&slab.g, &x);
                     let (xi, eta) = slab.middle(&above.1, &lower, lit[n - 1 - i].as_ref());
                     above.1 = lower;
-                    slab.moments.of(&xi, &eta, &mut moments);
+                    rows.push(slab.moments.of(&xi, &eta));
                 }
                 None => {
                     let t = self.clear(part);
@@ -386,65 +427,94 @@ where
                     up.iter_mut().zip(below).for_each(|(u, s)| *u += s);
                     let (x_mid, y_mid) =
                         both(&std::array::from_fn(|k| up[k] * half[k]), &std::array::from_fn(|k| down[k] * half[k]));
-                    self.order.moments_at_nodes.of(&x_mid, &y_mid, &mut moments);
+                    rows.push(self.order.moments_at_nodes.of(&x_mid, &y_mid));
                     down.iter_mut().zip(t).for_each(|(d, t)| *d *= t);
                     (x, y) = both(&up, &down);
                 }
             }
-            self.order.moments_at_nodes.of(&x, &y, &mut moments);
+            rows.push(self.order.moments_at_nodes.of(&x, &y));
         }
         if self.order.m == 0 {
             field.arrives = self.order.flux(&down);
         }
-        field.orders.push(moments);
+        self.mend(beam.zip(toward.as_ref().map(|toward| &toward[0])), rows);
+        // Rows lie close; what each has too much the next overwrites.
+        let width = 2 * N - self.order.m;
+        let start = field.moments.len();
+        field.moments.resize(start + field.levels * width + 2 * N, 0.0);
+        for (k, [even, odd]) in rows.iter().enumerate() {
+            let (pairs, _) = field.moments[start + k * width..][..2 * N].as_chunks_mut::<2>();
+            for j in 0..N {
+                pairs[j] = [even[j], odd[j]];
+            }
+        }
+        field.moments.truncate(start + field.levels * width);
+        field.ends.push(field.moments.len());
+    }
+
+    /// Λ_l(0) of each moment in J at the horizon, in the layer of a part, and J there of a beam of transmittance 1 whose even
+    /// Λ_l are these.
+    #[inline(always)]
+    fn level_source(&self, part: usize, toward: &Vector<N>) -> (Vector<N>, f64) {
+        let couplings = &self.layers[self.joined[part].layer].coupling[self.order.m..];
+        let mut by_moment = [0.0; N];
+        for ((to, own), coupling) in by_moment.iter_mut().zip(&self.order.level).zip(couplings.iter().step_by(2)) {
+            *to = own * coupling;
+        }
+        let factor = if self.order.m == 0 { 0.25 / PI } else { 0.5 / PI };
+        (by_moment, factor * dot(&by_moment, toward))
     }
 
     /// Adds to the moments of the order what the quadrature misses near the horizon.
     #[inline(always)]
-    fn mend(&self, layers: &[Scaled], grazing: &Grazing, beam: Option<&Beam>, field: &mut Field) {
-        let m = self.order.m;
-        let width = 2 * N - m;
-        let [level, _] = self.order.toward(0.0); // Λ_l(0) is 0 for odd l + m
-        let from = beam.map_or([0.0; N], |beam| self.order.toward(-beam.cosine)[0]);
-        let of_beam = if m == 0 { 0.25 / PI } else { 0.5 / PI };
-        let n = self.joined.len();
-        let rows = field.orders.last_mut().expect("an order was added");
-        let mut sources = (usize::MAX, 0.0, [0.0; N]); // layer, J(0) of a beam of transmittance 1, and of each moment
-        let mut add = |k: usize, part: usize, missed: f64| {
-            if missed == 0.0 {
-                return 0.0;
-            }
-            let layer = self.joined[part].layer;
-            if sources.0 != layer {
-                let mut by_moment = [0.0; N];
-                for (to, (own, coupling)) in
-                    by_moment.iter_mut().zip(level.iter().zip(layers[layer].coupling[m..].iter().step_by(2)))
-                {
-                    *to = own * coupling;
+    fn mend(&self, beam: Option<(&Beam, &Vector<N>)>, rows: &mut [[Vector<N>; 2]]) {
+        let toward = beam.map_or(&[0.0; N], |(_, toward)| toward);
+        let from_ground = if beam.is_some() { 0.0 } else { 1.0 };
+        let parts = self.joined.len();
+        let mut below = self.level_source(0, toward);
+        let mut above = below;
+        for (k, [even, _]) in rows.iter_mut().enumerate() {
+            // The parts above a level and below it.
+            let (upper, lower) = (k.saturating_sub(1) / 2, (k / 2).min(parts - 1));
+            if k % 2 == 0 && k > 0 {
+                above = below;
+                if self.joined[upper].layer != self.joined[lower].layer {
+                    below = self.level_source(lower, toward);
                 }
-                sources = (layer, of_beam * dot(&by_moment, &from), by_moment);
             }
-            let own = &rows[k * width..][..width];
-            let source = sources.2.iter().zip(own.iter().step_by(2)).map(|(s, c)| s * c).sum::<f64>();
-            let passes = beam.map_or(0.0, |beam| match k % 2 {
-                0 => beam.transmittance[k / 2],
-                _ => (beam.transmittance[k / 2] * beam.transmittance[k / 2 + 1]).sqrt(),
-            });
-            -0.5 * missed * (source + sources.1 * passes)
-        };
-        let mut mended = vec![0.0; field.levels];
-        for (k, mended) in mended.iter_mut().enumerate() {
-            *mended += add(k, (k.max(1) - 1) / 2, grazing.down[k]);
-        }
-        for (k, mended) in mended.iter_mut().enumerate() {
-            *mended += add(k, (k / 2).min(n - 1), grazing.up[k]);
-            if beam.is_none() {
-                *mended += 0.5 * grazing.up[k];
+            let (down, up) = (self.grazing.down[k], self.grazing.up[k]);
+            if down == 0.0 && up == 0.0 {
+                continue;
+            }
+            let mut passes = 0.0;
+            if let Some((beam, _)) = beam {
+                passes = beam.transmittance[k / 2];
+                if k % 2 == 1 {
+                    passes = (passes * beam.transmittance[k / 2 + 1]).sqrt();
+                }
+            }
+            let from_above = dot(&above.0, even) + above.1 * passes;
+            let from_below = dot(&below.0, even) + below.1 * passes;
+            let mended = 0.5 * (up * (from_ground - from_below) - down * from_above);
+            for j in 0..N {
+                even[j] += mended * self.order.level[j];
             }
         }
-        for (row, mended) in rows.chunks_exact_mut(width).zip(mended) {
-            row.iter_mut().step_by(2).zip(level).for_each(|(c, own)| *c += mended * own);
-        }
+    }
+}
+
+/// What a sweep keeps of each part, from the lowest up.
+struct Scratch<const N: usize> {
+    lit: Vec<Option<Lit<N>>>,
+    /// S below the part, and g.
+    climbing: Vec<(Vector<N>, Vector<N>)>,
+    /// Moments of each level, from the top down.
+    rows: Vec<[Vector<N>; 2]>,
+}
+
+impl<const N: usize> Default for Scratch<N> {
+    fn default() -> Self {
+        Self { lit: Vec::new(), climbing: Vec::new(), rows: Vec::new() }
     }
 }
 
@@ -463,7 +533,8 @@ where
     let quadrature = Quadrature::<N>::new();
     let order = Order::new(0, &quadrature);
     let operators = operators(&order, layers);
-    let stack = Stack::new(&order, layers, &operators);
+    let grazing = Grazing::default();
+    let stack = Stack::new(&order, layers, &operators, &grazing);
     let mut weights: Vec<Vector<N>> = Vec::with_capacity(stack.joined.len()); // Mᵀ b
     let mut b = order.flux_weights;
     for part in stack.joined.iter().rev() {
@@ -509,7 +580,7 @@ where
         e = apply_transposed(&slab.reflection, &gamma);
         e.iter_mut().zip(&passes).for_each(|(e, t)| *e += t);
     }
-    arriving.ground = dot(&e, &quadrature.lambertian());
+    arriving.ground = dot(&e, &order.lambertian);
     arriving
 }
 
@@ -558,7 +629,8 @@ mod tests {
                 layer(1.0, -0.3, 30.0, 1, streams),
             ];
             for mu in [1.0, 0.5, 0.05] {
-                let solution = solve(streams, &layers, &[beam(mu, &layers)], 1e-2);
+                let mut solution = Solution::default();
+                solve(streams, &layers, &[beam(mu, &layers)], 1e-2, &mut solution);
                 let field = &solution.beams[0];
                 let direct = mu * beam(mu, &layers).transmittance[5];
                 let all = field.leaves + field.arrives + direct;
@@ -582,7 +654,8 @@ mod tests {
                 layer(0.5, 0.5, 1e-4, 1, streams),
             ];
             let beams = [0.9, 0.3, 0.02].map(|mu| beam(mu, &layers));
-            let solution = solve(streams, &layers, &beams, 1e-2);
+            let mut solution = Solution::default();
+            solve(streams, &layers, &beams, 1e-2, &mut solution);
             let found = arriving(streams, &layers, &beams);
             for (field, found) in solution.beams.iter().zip(&found.beams) {
                 assert!((found / field.arrives - 1.0).abs() < 1e-10, "{streams}: {found} {}", field.arrives);

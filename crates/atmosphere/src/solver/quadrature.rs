@@ -23,11 +23,6 @@ impl<const N: usize> Quadrature<N> {
         }
         Self { cosines, weights }
     }
-
-    /// Radiance 1 in every direction, times √(wμ).
-    pub fn lambertian(&self) -> Vector<N> {
-        std::array::from_fn(|i| (self.weights[i] * self.cosines[i]).sqrt())
-    }
 }
 
 /// An azimuthal order m on a quadrature.
@@ -38,8 +33,12 @@ pub(super) struct Order<const N: usize> {
     pub scaled: Vec<Vector<N>>,
     /// c_l from x and y.
     pub moments_at_nodes: Moments<N>,
+    /// Radiance 1 in every direction, times √(wμ).
+    pub lambertian: Vector<N>,
     /// F = Σ 2π w μ I.
     pub flux_weights: Vector<N>,
+    /// Λ_l^m(0) of even l + m; of odd ones it is 0.
+    pub level: Vector<N>,
 }
 
 impl<const N: usize> Order<N> {
@@ -52,14 +51,25 @@ impl<const N: usize> Order<N> {
             scaled.iter_mut().zip(&column).for_each(|(u, value)| u[i] = weight * value);
         }
         let moments_at_nodes = Moments::new(&scaled);
-        let flux_weights = quadrature.lambertian().map(|root| 2.0 * PI * root);
-        Self { m, cosines: quadrature.cosines, scaled, moments_at_nodes, flux_weights }
+        let lambertian = std::array::from_fn(|i| (quadrature.weights[i] * quadrature.cosines[i]).sqrt());
+        let mut order = Self {
+            m,
+            cosines: quadrature.cosines,
+            scaled,
+            moments_at_nodes,
+            lambertian,
+            flux_weights: lambertian.map(|root| 2.0 * PI * root),
+            level: [0.0; N],
+        };
+        order.level = order.toward(0.0)[0];
+        order
     }
 
     /// Λ_l^m(μ) of the even l + m and of the odd ones.
     pub fn toward(&self, mu: f64) -> [Vector<N>; 2] {
-        let mut row = vec![0.0; self.scaled.len()];
-        normalised(self.m, mu, &mut row);
+        let mut row = [0.0; 64];
+        let row = &mut row[..self.scaled.len()];
+        normalised(self.m, mu, row);
         let mut halves = [[0.0; N]; 2];
         row.iter().enumerate().for_each(|(l, value)| halves[l % 2][l / 2] = *value);
         halves
@@ -76,7 +86,6 @@ pub(super) struct Moments<const N: usize> {
     /// ½ p_l as columns.
     even: Matrix<N>,
     odd: Matrix<N>,
-    count: usize,
 }
 
 impl<const N: usize> Moments<N> {
@@ -90,18 +99,12 @@ impl<const N: usize> Moments<N> {
             }
         }
         let [even, odd] = halves;
-        Self { even, odd, count: rows.len() }
+        Self { even, odd }
     }
 
-    /// Appends c_l, l = m, m + 1, …
+    /// c_l, l = m, m + 2, …, and c_(l+1); zeros where there are no more.
     #[inline(always)]
-    pub fn of(&self, x: &Vector<N>, y: &Vector<N>, moments: &mut Vec<f64>) {
-        let (even, odd) = (apply_transposed(&self.even, x), apply_transposed(&self.odd, y));
-        for k in 0..self.count / 2 {
-            moments.extend([even[k], odd[k]]);
-        }
-        if self.count % 2 == 1 {
-            moments.push(even[self.count / 2]);
-        }
+    pub fn of(&self, x: &Vector<N>, y: &Vector<N>) -> [Vector<N>; 2] {
+        [apply_transposed(&self.even, x), apply_transposed(&self.odd, y)]
     }
 }
