@@ -22,8 +22,8 @@ use crate::ladder::{Ladder, Rung};
 use crate::medium::{Layer, Medium, Strata};
 use crate::phase::Phase;
 use crate::radiance::{
-    Fan, FieldSuns, Gathered, Lattice, Look, Optics, Projected, Sight, SunDepths, SunRays, Turn, Weighed,
-    arriving_at, gather, gather_ground, project, solve_entry,
+    Fan, FieldSuns, Gathered, Lattice, Look, Optics, Projected, Sight, SunDepths, SunRays, Turn, Weighed, arriving_at,
+    gather, gather_ground, project, solve_entry,
 };
 use crate::ray::Shells;
 use crate::solver::{Field, Solution};

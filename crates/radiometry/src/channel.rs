@@ -1,6 +1,8 @@
 //! Channels: the matrix from grid entries to named outputs. The tracer folds every sample into channels before it
 //! accumulates mean and variance; it knows no band, and the sensor knows no ray.
 
+use std::ops::Range;
+
 use crate::{Curve, SpectralGrid, Wavelength};
 
 /// A named output: a band, or one wavelength of a series.
@@ -20,6 +22,8 @@ pub struct Channels {
     channels: Vec<Channel>,
     /// Per channel: index of the first grid entry with weight, and the weights from there on.
     rows: Vec<(usize, Vec<f64>)>,
+    /// Per channel: the runs of entries of one wavelength that it weighs, those of one wavelength differing by g alone.
+    runs: Vec<Vec<Range<usize>>>,
 }
 
 impl Channels {
@@ -46,6 +50,7 @@ impl Channels {
         factor: &[f64],
     ) -> Result<(Self, Vec<f64>), usize> {
         let mut rows = Vec::with_capacity(bands.len());
+        let mut runs = Vec::with_capacity(bands.len());
         let mut integrals = Vec::with_capacity(bands.len());
         for (band, (channel, response)) in bands.iter().enumerate() {
             let mut weights = response.on(grid);
@@ -61,8 +66,18 @@ impl Channels {
             let last = weights.iter().rposition(|w| *w != 0.0).unwrap_or(0);
             rows.push((first, weights[first..=last].iter().map(|w| w / total).collect()));
             integrals.push(total);
+            let mut next = first;
+            let of_wavelength = grid.entries()[first..=last].chunk_by(|a, b| a.wavelength == b.wavelength);
+            runs.push(
+                of_wavelength
+                    .map(|run| {
+                        next += run.len();
+                        next - run.len()..next
+                    })
+                    .collect(),
+            );
         }
-        Ok((Self { channels: bands.iter().map(|(channel, _)| channel.clone()).collect(), rows }, integrals))
+        Ok((Self { channels: bands.iter().map(|(channel, _)| channel.clone()).collect(), rows, runs }, integrals))
     }
 
     /// These channels and then others.
@@ -70,6 +85,7 @@ impl Channels {
     pub fn joined(mut self, others: Self) -> Self {
         self.channels.extend(others.channels);
         self.rows.extend(others.rows);
+        self.runs.extend(others.runs);
         self
     }
 
@@ -95,6 +111,38 @@ impl Channels {
         for (out, (first, weights)) in out.iter_mut().zip(&self.rows) {
             let spectrum = &spectrum[*first..][..weights.len()];
             *out = side_by_side(weights.len(), |i| weights[i] * spectrum[i]);
+        }
+    }
+
+    /// Light times a transmittance, formed per entry and summed over the entries of each wavelength with their weights, channel
+    /// after channel: what [`fold_summed`](Self::fold_summed) multiplies by factors that do not depend on g.
+    pub fn summed(&self, light: &[f64], transmittance: Option<&[f64]>) -> Vec<f64> {
+        let mut sums = Vec::with_capacity(self.runs.iter().map(Vec::len).sum());
+        for ((first, weights), runs) in self.rows.iter().zip(&self.runs) {
+            sums.extend(runs.iter().map(|run| {
+                let terms = weights[run.start - first..].iter().zip(&light[run.clone()]);
+                match transmittance {
+                    Some(tau) => terms.zip(&tau[run.clone()]).map(|((w, l), t)| w * l * t).sum::<f64>(),
+                    None => terms.map(|(w, l)| w * l).sum(),
+                }
+            }));
+        }
+        sums
+    }
+
+    /// A spectrum that does not depend on g at the wavelengths of each channel, channel after channel.
+    pub fn at_wavelengths(&self, spectrum: &[f64]) -> Vec<f64> {
+        self.runs.iter().flatten().map(|run| spectrum[run.start]).collect()
+    }
+
+    /// Response-weighted means of [`summed`](Self::summed) light times a factor [at the
+    /// wavelengths](Self::at_wavelengths).
+    pub fn fold_summed(&self, light: &[f64], factor: &[f64], out: &mut [f64]) {
+        let mut start = 0;
+        for (out, runs) in out.iter_mut().zip(&self.runs) {
+            let (light, factor) = (&light[start..][..runs.len()], &factor[start..][..runs.len()]);
+            *out = side_by_side(runs.len(), |i| light[i] * factor[i]);
+            start += runs.len();
         }
     }
 
@@ -141,6 +189,30 @@ mod tests {
         assert_eq!(channels.clone().joined(channels).len(), 2);
     }
 
+    /// Three g of a wavelength: light and transmittance differ between them, the factor does not.
+    #[test]
+    fn light_summed_over_g_gives_the_means_of_the_products() {
+        let bins = vec![
+            crate::Bin { lower: 0.42, upper: 0.47, band: None },
+            crate::Bin { lower: 0.47, upper: 0.52, band: None },
+            crate::Bin { lower: 0.52, upper: 0.6, band: None },
+        ];
+        let grid =
+            SpectralGrid::with_g(bins, Vec::new(), |bin| if bin.lower < 0.5 { vec![0.5, 0.3, 0.2] } else { vec![1.0] });
+        let bands = [(channel("blue"), Curve::boxcar(0.42, 0.5)), (channel("green"), Curve::boxcar(0.48, 0.58))];
+        let channels = Channels::new(&grid, &bands);
+        let light: Vec<f64> = (0..grid.len()).map(|i| 1.0 + (i as f64).sin()).collect();
+        let tau: Vec<f64> = (0..grid.len()).map(|i| 0.5 + 0.4 * (2.0 * i as f64).cos()).collect();
+        let factor: Vec<f64> = grid.entries().iter().map(|entry| entry.wavelength.um().powi(3)).collect();
+        let product: Vec<f64> = light.iter().zip(&tau).map(|(l, t)| l * t).collect();
+        let (mut due, mut found) = ([0.0; 2], [0.0; 2]);
+        channels.fold_product(&product, &factor, &mut due);
+        let summed = channels.summed(&light, Some(&tau));
+        assert!(summed.len() < grid.len());
+        channels.fold_summed(&summed, &channels.at_wavelengths(&factor), &mut found);
+        assert!(due.iter().zip(found).all(|(a, b)| (a / b - 1.0).abs() < 1e-14), "{due:?} {found:?}");
+    }
+
     /// Two overlapping bands, E and ρ straight lines: the band mean of the product is its exact integral.
     #[test]
     fn two_band_means_of_a_product_are_exact() {
@@ -151,6 +223,9 @@ mod tests {
         let r = Curve::linear(&[(0.4, 0.1), (0.6, 0.5)]).unwrap();
         let mut means = [0.0; 2];
         channels.fold_product(&e.on(&grid), &r.on(&grid), &mut means);
+        let mut summed = [0.0; 2];
+        channels.fold_summed(&channels.summed(&e.on(&grid), None), &channels.at_wavelengths(&r.on(&grid)), &mut summed);
+        assert!(means.iter().zip(summed).all(|(a, b)| (a / b - 1.0).abs() < 1e-14));
         // E = 1000 (1 + 5 x), ρ = 0.1 (1 + 20 x), x = λ − 0.4: ∫ 100 (1 + 25 x + 100 x²) dx
         let primitive = |x: f64| 100.0 * (x + 12.5 * x * x + 100.0 / 3.0 * x.powi(3));
         let exact = |a: f64, b: f64| (primitive(b - 0.4) - primitive(a - 0.4)) / (b - a);

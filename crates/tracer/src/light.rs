@@ -326,8 +326,10 @@ pub(crate) struct BlockLight<'a> {
     upwelled: Vec<Vec<f64>>,
     /// Number of lights: [`Light::index`] stays below it.
     n_lights: usize,
-    /// Spectrum of chain × light, made when first met.
-    products: Vec<Option<Vec<f64>>>,
+    /// Light × τ₂ at a node (the last is without τ₂), summed over g, and the factors of chains: each made when first met.
+    /// No factor depends on g.
+    lights: Vec<Option<Vec<f64>>>,
+    chains: Vec<Option<Vec<f64>>>,
     /// Channel values of chain × light × τ₂ at a node (the last is without τ₂), made when first met: places in `pool`,
     /// 0 where not yet made.
     places: Vec<u32>,
@@ -359,10 +361,11 @@ impl<'a> BlockLight<'a> {
             sun,
             places: vec![0; n_products * (tau_2.len() + 1)],
             pool: vec![0.0; channels.len()],
+            lights: vec![None; n_lights * (tau_2.len() + 1)],
             tau_2,
             upwelled,
             n_lights,
-            products: vec![None; n_products],
+            chains: vec![None; paths.chains.len()],
             sky_weights: Vec::new(),
             weights: Weights::default(),
         };
@@ -441,7 +444,7 @@ impl<'a> BlockLight<'a> {
             let values = if self.block.lighting.band_means {
                 self.values_of_means(chain, light, node)
             } else {
-                self.values_of_products(chain, light, product, node)
+                self.values_of_products(chain, light, node)
             };
             self.places[place] = (self.pool.len() / n) as u32;
             self.pool.extend(values);
@@ -450,20 +453,25 @@ impl<'a> BlockLight<'a> {
         &self.pool[at..at + n]
     }
 
-    fn values_of_products(&mut self, chain: ChainId, light: Light, product: usize, node: usize) -> Vec<f64> {
-        let (block, source, n) = (self.block, self.spectrum_of(light), self.time.beam.len());
-        let product = self.products[product].get_or_insert_with(|| {
-            let mut product = source.map_or_else(|| vec![1.0; n], <[f64]>::to_vec);
-            for factor in block.paths.chains.factors(chain) {
-                product.iter_mut().zip(factor.spectrum(block.scenery)).for_each(|(p, f)| *p *= f);
+    fn values_of_products(&mut self, chain: ChainId, light: Light, node: usize) -> Vec<f64> {
+        let Block { scenery, paths, channels, .. } = self.block;
+        let source = self.spectrum_of(light);
+        let chain = self.chains[chain as usize].get_or_insert_with(|| {
+            let mut product = vec![1.0; self.time.beam.len()];
+            for factor in paths.chains.factors(chain) {
+                product.iter_mut().zip(factor.spectrum(scenery)).for_each(|(p, f)| *p *= f);
             }
-            product
+            channels.at_wavelengths(&product)
         });
-        let mut out = vec![0.0; block.channels.len()];
-        match self.tau_2.get(node) {
-            Some(tau_2) => block.channels.fold_product(product, tau_2, &mut out),
-            None => block.channels.fold(product, &mut out),
-        }
+        let light = self.lights[light.index() * (self.tau_2.len() + 1) + node].get_or_insert_with(|| {
+            let tau_2 = self.tau_2.get(node).map(Vec::as_slice);
+            source.map_or_else(
+                || channels.summed(&vec![1.0; self.time.beam.len()], tau_2),
+                |source| channels.summed(source, tau_2),
+            )
+        });
+        let mut out = vec![0.0; channels.len()];
+        channels.fold_summed(light, chain, &mut out);
         out
     }
 

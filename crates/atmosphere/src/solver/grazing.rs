@@ -92,7 +92,9 @@ mod tests {
     /// [Abramowitz1964, table 5.4], and t → 0.
     #[test]
     fn the_exponential_integral_is_that_of_the_tables() {
-        for (t, due) in [(0.0001f64, 0.0), (0.1, 0.722_545_0), (0.5, 0.326_643_9), (1.0, 0.148_495_5), (2.0, 0.037_534_3)] {
+        for (t, due) in
+            [(0.0001f64, 0.0), (0.1, 0.722_545_0), (0.5, 0.326_643_9), (1.0, 0.148_495_5), (2.0, 0.037_534_3)]
+        {
             let due = if t < 1e-3 { 1.0 + t * (t.ln() + 0.577_215_7 - 1.0) } else { due };
             let found = exponential_integrals(t)[0];
             assert!((found - due).abs() < 1e-7, "{t}: {found} {due}");

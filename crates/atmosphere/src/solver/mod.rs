@@ -277,12 +277,7 @@ where
     Sizes: Eigen<N>,
 {
     #[inline(always)]
-    fn new(
-        order: &'a Order<N>,
-        layers: &'a [Scaled],
-        operators: &'a [Operator<N>],
-        grazing: &'a Grazing,
-    ) -> Self {
+    fn new(order: &'a Order<N>, layers: &'a [Scaled], operators: &'a [Operator<N>], grazing: &'a Grazing) -> Self {
         let parts: usize = layers.iter().map(|layer| layer.parts).sum();
         let mut joined: Vec<Joined<N>> = Vec::with_capacity(parts);
         let mut below = [[0.0; N]; N];
@@ -496,9 +491,7 @@ where
             let from_above = dot(&above.0, even) + above.1 * passes;
             let from_below = dot(&below.0, even) + below.1 * passes;
             let mended = 0.5 * (up * (from_ground - from_below) - down * from_above);
-            for j in 0..N {
-                even[j] += mended * self.order.level[j];
-            }
+            even.iter_mut().zip(&self.order.level).for_each(|(c, own)| *c += mended * own);
         }
     }
 }
