@@ -35,7 +35,7 @@ use crate::{Needs, Path, SkyState, Sun};
 pub(crate) struct Settings {
     pub streams: usize,
     pub spherical: bool,
-    /// Azimuthal orders are added until two in a row change the source by less.
+    /// Azimuthal orders are added until what is left of the source is a smaller share of it.
     pub accuracy: f64,
 }
 

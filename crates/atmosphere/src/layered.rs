@@ -68,7 +68,7 @@ Weather: every field has its effect
 Parameters
   streams    directions of the quadrature: 4, 8, 16, 32 or 64 (a number between is raised to the next); auto is 16
   geometry   spherical, or plane: no curvature, no refraction, no twilight
-  accuracy   azimuthal orders are added until two in a row change the source by less than this share
+  accuracy   azimuthal orders are added until what is left of the source, by their fall, is less than this share of it
   spectrum   adapted: fluxes and transmittances at every wavelength and term g, radiances for a ladder of columns over
              wavelength and, beside it, over the absorption of water and of oxygen; between its rungs ln L/E_d of the sky and
              ln of the path's source are interpolated, absorption of the sun's light left apart. full: radiances

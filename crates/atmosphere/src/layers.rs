@@ -55,7 +55,8 @@ series do, is taken as 0 there, and `plan` says so.
 
   streams            directions of the discrete-ordinate solution, up to the next of 4, 8, 16, 32, 64; auto: 16
   geometry           plane: parallel layers, as problems are mostly posed; spherical: shells on a round Earth
-  accuracy           azimuthal orders are added until two in a row change the source by less
+  accuracy           azimuthal orders are added until what is left of the source, by their fall, is less than
+                     this share of it
   solar_irradiance   E_s at 1 au; unless given, the TSIS-1 Hybrid Solar Reference Spectrum, version 2 [Coddington2023]
 
 Validity: as the problem is stated. Air does not bend rays here, so suns are best given by angles. Where the file has
