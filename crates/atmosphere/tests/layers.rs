@@ -179,11 +179,16 @@ fn radiances_along_paths_are_those_of_disort() {
     assert_within(1e-3, worst(16, 0.0..=0.7, Compared::Paths(0.0)));
 }
 
-/// 32 streams resolve g = 0.85. Within a degree of the sun a cloud is missed by 1.9e-3.
+/// 32 streams resolve g = 0.85.
 #[test]
 fn radiances_of_peaked_scatterers_are_those_of_disort() {
     assert_within(1e-3, worst(32, 0.71..=0.9, Compared::Paths(2.0)));
-    assert_within(2e-3, worst(32, 0.71..=0.9, Compared::Paths(0.0)));
+}
+
+#[test]
+#[ignore = "1.9e-3 within a degree of the sun under a cloud"]
+fn radiances_of_peaked_scatterers_at_the_sun_are_those_of_disort() {
+    assert_within(1e-3, worst(32, 0.71..=0.9, Compared::Paths(0.0)));
 }
 
 #[test]

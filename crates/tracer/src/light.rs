@@ -465,10 +465,10 @@ impl<'a> BlockLight<'a> {
         });
         let light = self.lights[light.index() * (self.tau_2.len() + 1) + node].get_or_insert_with(|| {
             let tau_2 = self.tau_2.get(node).map(Vec::as_slice);
-            source.map_or_else(
-                || channels.summed(&vec![1.0; self.time.beam.len()], tau_2),
-                |source| channels.summed(source, tau_2),
-            )
+            match source {
+                Some(source) => channels.summed(source, tau_2),
+                None => channels.summed(&vec![1.0; self.time.beam.len()], tau_2),
+            }
         });
         let mut out = vec![0.0; channels.len()];
         channels.fold_summed(light, chain, &mut out);

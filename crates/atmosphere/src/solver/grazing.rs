@@ -32,8 +32,13 @@ const THIN: f64 = 1e-7;
 impl Grazing {
     #[inline(always)]
     pub fn new<const N: usize>(quadrature: &Quadrature<N>, layers: &[Scaled]) -> Self {
-        let parts = || layers.iter().flat_map(|layer| std::iter::repeat_n(layer.depth, layer.parts));
-        let whole: f64 = parts().sum();
+        let parts = layers.iter().flat_map(|layer| std::iter::repeat_n(layer.depth, layer.parts));
+        let mut edges = vec![0.0]; // depths, from the top down
+        edges.extend(parts.scan(0.0, |depth, part| {
+            *depth += part;
+            Some(*depth)
+        }));
+        let whole = edges[edges.len() - 1];
         // e, and its integral from 0.
         let missed = |t: f64| {
             if t <= 0.0 || t > DEEP {
@@ -46,19 +51,18 @@ impl Grazing {
                 [of_t - passes, integral + mu * passes]
             })
         };
-        let (mut down, mut up) = (vec![0.0], vec![missed(whole)[0]]);
-        let mut depth = 0.0;
-        for part in parts() {
-            let next = depth + part;
-            for (levels, [near, far]) in [(&mut down, [depth, next]), (&mut up, [whole - next, whole - depth])] {
-                let ([a, from], [b, to]) = (missed(near), missed(far));
-                let mean = if part > THIN && far <= DEEP { (to - from) / part } else { 0.5 * (a + b) };
-                levels.push(1.5 * mean - 0.25 * (a + b));
-                levels.push(if near == depth { b } else { a });
+        let levels = |depths: Vec<f64>| {
+            let at_edges: Vec<[f64; 2]> = depths.iter().map(|depth| missed(*depth)).collect();
+            let mut levels = vec![at_edges[0][0]];
+            for (t, e) in depths.windows(2).zip(at_edges.windows(2)) {
+                let (part, [a, from], [b, to]) = (t[1] - t[0], e[0], e[1]);
+                let resolved = part.abs() > THIN && t[0].max(t[1]) <= DEEP;
+                let mean = if resolved { (to - from) / part } else { 0.5 * (a + b) };
+                levels.extend([1.5 * mean - 0.25 * (a + b), b]);
             }
-            depth = next;
-        }
-        Self { down, up }
+            levels
+        };
+        Self { up: levels(edges.iter().map(|depth| whole - depth).collect()), down: levels(edges) }
     }
 }
 
@@ -88,6 +92,17 @@ fn exponential_integrals(t: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// From below a stack the levels are those from above it, whatever its parts: one, and three alike.
+    #[test]
+    fn up_mirrors_down() {
+        for parts in [1, 3] {
+            let layers = [Scaled { depth: 0.02, parts, coupling: vec![1.0; 16] }];
+            let Grazing { down, up } = Grazing::new(&Quadrature::<8>::new(), &layers);
+            assert_eq!((down.len(), down[0], up[2 * parts]), (2 * parts + 1, 0.0, 0.0));
+            assert!(down.iter().zip(up.iter().rev()).all(|(a, b)| (a - b).abs() < 1e-12), "{down:?} {up:?}");
+        }
+    }
 
     /// [Abramowitz1964, table 5.4], and t → 0.
     #[test]

@@ -292,10 +292,10 @@ const THIN: (f64, f64) = (0.5, 0.5);
 const RESONANT: f64 = 2e-5;
 
 /// 1/n!.
-const INVERSE_FACTORIALS: [f64; 20] = {
-    let mut values = [1.0; 20];
+const INVERSE_FACTORIALS: [f64; 12] = {
+    let mut values = [1.0; 12];
     let mut n = 1;
-    while n < 20 {
+    while n < 12 {
         values[n] = values[n - 1] / n as f64;
         n += 1;
     }
@@ -358,10 +358,8 @@ impl<const N: usize> Modes<N> {
         let mut response = self.closed(fall);
         // Whether the beam falls as a mode does whose response is not taken by its series.
         let from = if thin { THIN.0 * THIN.0 } else { 0.0 };
-        let mut resonant = false;
-        for j in 0..N {
-            resonant |= ((x * x - self.z[j]).abs() <= RESONANT * self.z[j]) & (self.z[j] >= from);
-        }
+        let resonant = |z: f64| ((x * x - z).abs() <= RESONANT * z) & (z >= from);
+        let any_resonant = self.z.iter().fold(false, |any, z| any | resonant(*z));
         if thin {
             let series = self.series(fall);
             for j in 0..N {
@@ -372,8 +370,8 @@ impl<const N: usize> Modes<N> {
                 response.middle_slope[j] = if small { series.middle_slope[j] } else { response.middle_slope[j] };
             }
         }
-        if resonant {
-            for j in (0..N).filter(|j| (x * x - self.z[*j]).abs() <= RESONANT * self.z[*j] && self.z[*j] >= from) {
+        if any_resonant {
+            for j in (0..N).filter(|j| resonant(self.z[*j])) {
                 self.across(j, x, &mut response);
             }
         }
