@@ -109,10 +109,12 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
             let first = lattice.first_below(keep);
             let of_suns = paths.then(|| {
                 (depths.iter().zip(&zeniths).enumerate())
-                    .map(|(i, (depths, sun))| (depths.below(first), fields.field_of(&solution.beams, i, *sun, first)))
+                    .map(|(i, (depths, sun))| {
+                        (depths.below(first), fields.field_of(&solution.beams, i, *sun, 2 * first))
+                    })
                     .collect()
             });
-            let ground = paths.then(|| Field::mixed(std::slice::from_ref(&solution.ground), &[1.0], first));
+            let ground = paths.then(|| Field::mixed(std::slice::from_ref(&solution.ground), &[1.0], 2 * first));
             Column { optics, lattice: *place, sky, lit: of_suns.unwrap_or_default(), ground }
         })
         .collect();
@@ -363,8 +365,9 @@ impl Nodes {
         };
         let phases: Vec<Vec<f64>> = optics.phases.iter().map(|phase| scattering.values(phase)).collect();
         weighed.resize_with(rays.len(), Weighed::default);
+        let starts = solution.starts();
         for (weighed, NodeRay { sight, .. }) in weighed.iter_mut().zip(rays) {
-            weighed.weigh(optics, sight, solution.orders(), fields.draws_by_place(sight));
+            weighed.weigh(optics, sight, &starts, fields.draws_by_place(sight));
         }
         project(weighed, &solution.beams, projected);
         for (j, (NodeRay { sight, fans, mixes }, weighed)) in rays.iter().zip(weighed).enumerate() {
@@ -487,7 +490,7 @@ impl Shape {
                 let zenith = FRAC_PI_2 * i as f64 / Self::STEPS as f64;
                 let streams = settings.streams;
                 let sight = Sight::new(shells, lattice, Look::Up, (0.0, zenith), all, streams, streams);
-                let weighed = [Weighed::new(&optics, &sight, solution.orders(), fields.draws_by_place(&sight))];
+                let weighed = [Weighed::new(&optics, &sight, &solution.starts(), fields.draws_by_place(&sight))];
                 let mut projected = Vec::new();
                 project(&weighed, &solution.beams, &mut projected);
                 let [weighed] = weighed;
@@ -747,7 +750,7 @@ impl ColumnSkyState {
         let mut workspace = Workspace::default();
         let mut seen = |(sight, fan): &(Sight, Fan), optics: &Optics, ground: &Field, lit: &(SunDepths, Field)| {
             workspace.weighed.resize_with(1, Weighed::default);
-            workspace.weighed[0].weigh(optics, sight, lit.1.orders(), false);
+            workspace.weighed[0].weigh(optics, sight, &lit.1.starts(), false);
             let Workspace { weighed, projected, gathered, .. } = &mut workspace;
             project(weighed, std::slice::from_ref(&lit.1), projected);
             let weighed = &weighed[0];

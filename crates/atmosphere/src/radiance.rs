@@ -483,11 +483,11 @@ impl FieldSuns {
         fields[from..].iter().zip(shares).map(|(field, share)| share * field.arrives).sum::<f64>().max(0.0)
     }
 
-    /// The field of a sun of the site itself, from those that were solved.
-    pub fn field_of(&self, fields: &[Field], index: usize, zenith: f64, first: usize) -> Field {
+    /// The field of a sun of the site itself from a level down, from those that were solved.
+    pub fn field_of(&self, fields: &[Field], index: usize, zenith: f64, level: usize) -> Field {
         let (from, shares) = self.shares(index, zenith, 0.0);
         let used = &fields[from..(from + 4).min(fields.len())];
-        Field::mixed(used, &shares[..used.len()], first)
+        Field::mixed(used, &shares[..used.len()], level)
     }
 }
 
@@ -744,7 +744,7 @@ pub(crate) struct Weighed {
     /// The first level that it draws on, and how far along the ray each is: the angle at the Earth's centre \[rad\].
     first: usize,
     centres: Vec<f64>,
-    /// What c_l^m counts for, by m, level and l; of so many orders.
+    /// What c_l^m counts for, by m, level and l, at the levels where fields have it; of so many orders.
     kernel: Vec<Vec<f64>>,
     orders: usize,
     /// Where light is told apart by the place it comes from: the place before each level, and its share of the kernel; the
@@ -756,15 +756,15 @@ pub(crate) struct Weighed {
 }
 
 impl Weighed {
-    /// For so many orders, with light told apart by place where wanted.
-    pub fn new(optics: &Optics, sight: &Sight, orders: usize, by_place: bool) -> Self {
+    /// For fields that begin at these levels, order by order; with light told apart by place where wanted.
+    pub fn new(optics: &Optics, sight: &Sight, starts: &[usize], by_place: bool) -> Self {
         let mut weighed = Self::default();
-        weighed.weigh(optics, sight, orders, by_place);
+        weighed.weigh(optics, sight, starts, by_place);
         weighed
     }
 
     /// The same in the place of an earlier ray.
-    pub fn weigh(&mut self, optics: &Optics, sight: &Sight, orders: usize, by_place: bool) {
+    pub fn weigh(&mut self, optics: &Optics, sight: &Sight, starts: &[usize], by_place: bool) {
         let n = sight.points.len();
         let streams = optics.streams; // no more than the ray has
         let Self { passed, tail, .. } = self;
@@ -813,7 +813,7 @@ impl Weighed {
                 meetings.push(Meeting { point: i, level, share, first: !std::mem::replace(&mut met[level], true) });
             }
         }
-        let orders = sight.legendre.first().map_or(0, |rows| orders_in(rows.len(), sight.streams)).min(orders);
+        let orders = sight.legendre.first().map_or(0, |rows| orders_in(rows.len(), sight.streams)).min(starts.len());
         self.orders = orders;
         self.kernel.resize_with(orders.max(self.kernel.len()), Vec::new);
         self.places.clear();
@@ -825,35 +825,33 @@ impl Weighed {
         let mut from = 0;
         for (m, kernel) in self.kernel[..orders].iter_mut().enumerate() {
             let width = streams - m;
+            let start = starts[m].saturating_sub(lowest).min(count);
             kernel.resize(count * width, 0.0);
-            for (level, _) in met.iter().enumerate().filter(|(_, met)| !**met) {
+            for level in (start..count).filter(|level| !met[*level]) {
                 kernel[level * width..][..width].fill(0.0);
             }
-            weigh_order(kernel, &meetings, &coefficients, &Window { streams, m, from }, sight);
+            weigh_order(kernel, &meetings, &coefficients, &Window { streams, m, from, start }, sight);
             from += sight.streams - m;
             if by_place {
                 let near = &mut self.near[m];
-                near.clear();
-                for (row, t) in kernel.chunks(width).zip(&shares) {
-                    near.extend(row.iter().map(|k| (1.0 - t) * k));
+                near.resize(count * width, 0.0);
+                let rows = near.chunks_mut(width).zip(kernel.chunks(width)).zip(&shares);
+                for ((near, row), t) in rows.skip(start) {
+                    near.iter_mut().zip(row).for_each(|(near, k)| *near = (1.0 - t) * k);
                 }
             }
         }
     }
 
-    /// The levels that a field has: how many of the first it lacks, its own first of them, and their number.
-    fn levels_of(&self, field: &Field) -> (usize, usize, usize) {
-        let levels = self.centres.len();
-        let above = (2 * field.first).saturating_sub(self.first).min(levels);
-        (above, (self.first + above).saturating_sub(2 * field.first), levels - above)
-    }
-
-    /// The kernel of an order and the moments of a field, at the levels that both have.
-    fn beside<'a>(&'a self, field: &'a Field, m: usize) -> [&'a [f64]; 2] {
-        let (kernel, rows) = (&self.kernel[m], field.order(m));
-        let width = kernel.len() / self.centres.len().max(1);
-        let (above, from, count) = self.levels_of(field);
-        [&kernel[above * width..], &rows[from * width..][..count * width]]
+    /// How many of its first levels a field lacks at an order; the kernel and the moments at those that both have.
+    #[inline(always)]
+    fn beside<'a>(&'a self, field: &'a Field, m: usize) -> (usize, [&'a [f64]; 2]) {
+        let (kernel, levels) = (&self.kernel[m], self.centres.len());
+        let (first, rows) = field.order(m);
+        let width = kernel.len() / levels.max(1);
+        let lacks = first.saturating_sub(self.first).min(levels);
+        let from = (self.first + lacks).saturating_sub(first);
+        (lacks, [&kernel[lacks * width..], &rows[from * width..][..(levels - lacks) * width]])
     }
 
     /// Orders that both have.
@@ -876,19 +874,20 @@ struct Meeting {
     first: bool,
 }
 
-/// An order m of so many streams, whose Legendre functions begin here.
+/// An order m of so many streams, whose Legendre functions begin here; fields have it from a level on.
 struct Window {
     streams: usize,
     m: usize,
     from: usize,
+    start: usize,
 }
 
 wide_too! {
     /// The kernel of one order, from what the points count for, by `streams` each.
     fn weigh_order(kernel: &mut [f64], meetings: &[Meeting], coefficients: &[f64], order: &Window, sight: &Sight) {
-        let Window { streams, m, from } = *order;
+        let Window { streams, m, from, start } = *order;
         let width = streams - m;
-        for meeting in meetings {
+        for meeting in meetings.iter().filter(|meeting| meeting.level >= start) {
             let row = &mut kernel[meeting.level * width..][..width];
             let coefficients = &coefficients[meeting.point * streams + m..][..width];
             let legendre = &sight.legendre(meeting.point)[from..][..width];
@@ -956,11 +955,13 @@ fn block<const R: usize, const F: usize>(
     let orders = |r: usize, field: &Field| rays[of[r]].orders_of(field);
     let most = (0..R).flat_map(|r| fields.iter().map(move |field| orders(r, field))).max().unwrap_or(0);
     let like = |r: usize| (rays[of[r]].first, rays[of[r]].centres.len(), rays[of[r]].orders);
-    let alike = (0..R).all(|r| like(r) == like(0)) && fields.iter().all(|field| field.first == fields[0].first);
+    let alike = (0..R).all(|r| like(r) == like(0));
     for m in 0..most {
-        if alike && (0..F).all(|i| m < orders(0, fields[i])) {
-            let kernels = std::array::from_fn(|r| rays[of[r]].beside(fields[0], m)[0]);
-            let sums: [[f64; F]; R] = dots(kernels, fields.map(|field| rays[of[0]].beside(field, m)[1]));
+        let alike =
+            alike && fields.iter().all(|field| m < orders(0, field) && field.order(m).0 == fields[0].order(m).0);
+        if alike {
+            let kernels = std::array::from_fn(|r| rays[of[r]].beside(fields[0], m).1[0]);
+            let sums: [[f64; F]; R] = dots(kernels, fields.map(|field| rays[of[0]].beside(field, m).1[1]));
             for (sums, r) in sums.iter().zip(of) {
                 sums.iter().enumerate().for_each(|(i, sum)| out[r][f + i].orders.push(*sum));
             }
@@ -968,7 +969,7 @@ fn block<const R: usize, const F: usize>(
         }
         for r in 0..R {
             for (i, field) in fields.iter().enumerate().filter(|(_, field)| m < orders(r, field)) {
-                let [kernel, rows] = rays[of[r]].beside(field, m);
+                let (_, [kernel, rows]) = rays[of[r]].beside(field, m);
                 out[of[r]][f + i].orders.push(dot(kernel, rows));
             }
         }
@@ -981,18 +982,17 @@ fn by_place(ray: &Weighed, field: &Field, sums: &mut Vec<f64>) {
     let orders = ray.orders_of(field);
     sums.clear();
     sums.resize(PLACES * orders, 0.0);
-    let (above, from, _) = ray.levels_of(field);
-    let mut next = above;
-    for places in ray.places[above..].chunk_by(|a, b| a == b) {
-        let (start, place) = (next, places[0]);
-        next += places.len();
-        for m in 0..orders {
-            let width = ray.kernel[m].len() / ray.places.len();
-            let rows = &field.order(m)[(from + start - above) * width..][..places.len() * width];
-            let kernels = [&ray.kernel[m], &ray.near[m]].map(|kernel| &kernel[start * width..next * width]);
-            let [[all], [near]] = dots(kernels, [rows]);
-            sums[place * orders + m] += near;
-            sums[(place + 1) * orders + m] += all - near;
+    for m in 0..orders {
+        let (lacks, [kernel, rows]) = ray.beside(field, m);
+        let width = field.order_width(m);
+        let near = &ray.near[m][lacks * width..];
+        let mut next = 0;
+        for places in ray.places[lacks..].chunk_by(|a, b| a == b) {
+            let range = next * width..(next + places.len()) * width;
+            next += places.len();
+            let [[all], [near]] = dots([&kernel[range.clone()], &near[range.clone()]], [&rows[range]]);
+            sums[places[0] * orders + m] += near;
+            sums[(places[0] + 1) * orders + m] += all - near;
         }
     }
 }
@@ -1002,11 +1002,9 @@ fn by_place(ray: &Weighed, field: &Field, sums: &mut Vec<f64>) {
 fn centre(ray: &Weighed, field: &Field) -> f64 {
     let (mut light, mut moment) = (0.0, 0.0);
     if ray.orders_of(field) > 0 && ray.centres.iter().any(|centre| *centre > 0.0) {
-        let [kernel, rows] = ray.beside(field, 0);
-        let (above, _, count) = ray.levels_of(field);
-        let width = kernel.len() / count.max(1);
-        let levels = kernel.chunks(width.max(1)).zip(rows.chunks(width.max(1)));
-        for ((kernel, row), centre) in levels.zip(&ray.centres[above..]) {
+        let (lacks, [kernel, rows]) = ray.beside(field, 0);
+        let width = field.order_width(0);
+        for ((kernel, row), centre) in kernel.chunks(width).zip(rows.chunks(width)).zip(&ray.centres[lacks..]) {
             let own = dot(kernel, row).abs();
             light += own;
             moment += own * centre;
@@ -1217,7 +1215,7 @@ pub(crate) fn gather_ground(weighed: &Weighed, ground: &Field) -> f64 {
     if weighed.orders_of(ground) == 0 {
         return 0.0;
     }
-    let [kernel, rows] = weighed.beside(ground, 0);
+    let (_, [kernel, rows]) = weighed.beside(ground, 0);
     dot(kernel, rows).max(0.0)
 }
 
@@ -1300,7 +1298,7 @@ impl Probe {
     pub fn gather(&self, look: Look, zenith: f64, azimuth: f64) -> (Gathered, f64, f64) {
         let (streams, all) = (self.optics.streams, (self.shells.top(), f64::INFINITY));
         let sight = Sight::new(&self.shells, &self.lattice, look, (0.0, zenith), all, streams, streams);
-        let weighed = [Weighed::new(&self.optics, &sight, streams, self.fields.draws_by_place(&sight))];
+        let weighed = [Weighed::new(&self.optics, &sight, &self.solution.starts(), self.fields.draws_by_place(&sight))];
         let fan = Fan::new(&sight, &self.rays, &self.fields, 0, &[azimuth]);
         let mut projected = Vec::new();
         project(&weighed, &self.solution.beams, &mut projected);

@@ -17,7 +17,8 @@
 use std::f64::consts::PI;
 
 use super::matrix::{
-    Eigen, Matrix, Sizes, Vector, apply_transposed, cholesky, inverse_definite, inverse_lower, product, transpose,
+    Eigen, Matrix, Sizes, Vector, apply_to_each, apply_transposed, cholesky, inverse_definite, inverse_lower, product,
+    transpose,
 };
 use super::quadrature::{Moments, Order};
 
@@ -163,15 +164,16 @@ fn function<const N: usize>(g: &Matrix<N>, gt: &Matrix<N>, values: &Vector<N>, d
     inverse_definite(&d)
 }
 
-/// What a beam leaves in a layer that no other light enters: what comes out above and below, and the modes inside.
-pub(super) struct Lit<const N: usize> {
-    /// Upwards at the top.
-    pub up: Vector<N>,
-    /// Downwards at the bottom.
-    pub down: Vector<N>,
-    /// ξ and η in the middle of the layer, of the response that is 0 in ξ at both edges.
-    xi: Vector<N>,
-    eta: Vector<N>,
+/// ξ and η in the middle of a layer.
+pub(super) struct Inside<const N: usize, const B: usize> {
+    xi: [Vector<N>; B],
+    eta: [Vector<N>; B],
+}
+
+impl<const N: usize, const B: usize> Default for Inside<N, B> {
+    fn default() -> Self {
+        Self { xi: [[0.0; N]; B], eta: [[0.0; N]; B] }
+    }
 }
 
 /// What y that a lone layer would have at its edges counts for, mode by mode: above and below.
@@ -190,29 +192,39 @@ impl<const N: usize> Slab<N> {
         }
     }
 
-    /// The sources of a beam of transmittance `top` at the upper edge and `bottom` at the lower.
+    /// What beams leave in it that no other light enters, each by its source and its fall: what comes out upwards at the
+    /// top and downwards at the bottom, and the modes inside.
     #[inline(always)]
-    pub fn lit(&self, source: &Source<N>, top: f64, bottom: f64) -> Lit<N> {
-        let Source { alpha, beta } = source;
-        let fall = Fall::new(top, bottom);
-        let lambda = fall.depth / self.depth;
-        let response = self.modes.response(&fall);
+    pub fn lit<const B: usize>(
+        &self,
+        sources: &[Source<N>; B],
+        falls: &[&Fall; B],
+        inside: &mut Inside<N, B>,
+    ) -> [[Vector<N>; B]; 2] {
         // The light that has to enter so that none does: half of y above, minus half of it below.
-        let (mut sum, mut difference, mut xi, mut eta) = ([0.0; N], [0.0; N], [0.0; N], [0.0; N]);
-        for j in 0..N {
-            let source = top * (alpha[j] - lambda * beta[j]) * self.depth;
-            let above = source * response.top[j] - top * beta[j];
-            let below = source * response.bottom[j] - top * fall.whole * beta[j];
-            (sum[j], difference[j]) = (above - below, above + below);
-            xi[j] = source * self.depth * response.middle[j];
-            eta[j] = source * response.middle_slope[j] - top * fall.half * beta[j];
+        let (mut sum, mut difference) = ([[0.0; N]; B], [[0.0; N]; B]);
+        for b in 0..B {
+            let (Source { alpha, beta }, fall) = (&sources[b], falls[b]);
+            let (top, lambda) = (fall.top, fall.depth / self.depth);
+            let response = self.modes.response(fall);
+            for j in 0..N {
+                let source = top * (alpha[j] - lambda * beta[j]) * self.depth;
+                let above = source * response.top[j] - top * beta[j];
+                let below = source * response.bottom[j] - top * fall.whole * beta[j];
+                (sum[b][j], difference[b][j]) = (above - below, above + below);
+                // Of the response that is 0 in ξ at both edges.
+                inside.xi[b][j] = source * self.depth * response.middle[j];
+                inside.eta[b][j] = source * response.middle_slope[j] - top * fall.half * beta[j];
+            }
         }
-        let (even, odd) = (apply_transposed(&self.even, &sum), apply_transposed(&self.odd, &difference));
-        let (mut up, mut down) = ([0.0; N], [0.0; N]);
-        for i in 0..N {
-            (up[i], down[i]) = (even[i] + odd[i], even[i] - odd[i]);
+        let (even, odd) = (apply_to_each(&self.even, &sum), apply_to_each(&self.odd, &difference));
+        let (mut up, mut down) = ([[0.0; N]; B], [[0.0; N]; B]);
+        for b in 0..B {
+            for i in 0..N {
+                (up[b][i], down[b][i]) = (even[b][i] + odd[b][i], even[b][i] - odd[b][i]);
+            }
         }
-        Lit { up, down, xi, eta }
+        [up, down]
     }
 
     /// What the layer's own light counts for, where that upwards at its top counts `up` and that downwards below `down`.
@@ -232,11 +244,10 @@ impl<const N: usize> Slab<N> {
 
     /// That of a beam.
     #[inline(always)]
-    pub fn lit_worth(&self, worth: &Worth<N>, source: &Source<N>, top: f64, bottom: f64) -> f64 {
+    pub fn lit_worth(&self, worth: &Worth<N>, source: &Source<N>, fall: &Fall) -> f64 {
         let Source { alpha, beta } = source;
-        let fall = Fall::new(top, bottom);
         let lambda = fall.depth / self.depth;
-        let response = self.modes.response(&fall);
+        let response = self.modes.response(fall);
         let mut sums = [0.0; N];
         for j in 0..N {
             let source = (alpha[j] - lambda * beta[j]) * self.depth;
@@ -244,23 +255,33 @@ impl<const N: usize> Slab<N> {
             let below = source * response.bottom[j] - fall.whole * beta[j];
             sums[j] = above * worth.top[j] + below * worth.bottom[j];
         }
-        top * sums.iter().sum::<f64>()
+        fall.top * sums.iter().sum::<f64>()
     }
 
-    /// ξ and η in the middle of the layer, from Gᵀ x at its edges and what a beam adds.
+    /// ξ and η in the middle of the layer, from Gᵀ x at its edges and what beams add.
     #[inline(always)]
-    pub fn middle(&self, above: &Vector<N>, below: &Vector<N>, lit: Option<&Lit<N>>) -> (Vector<N>, Vector<N>) {
-        let (mut xi, mut eta) = lit.map_or(([0.0; N], [0.0; N]), |lit| (lit.xi, lit.eta));
-        for j in 0..N {
-            xi[j] += 0.5 * self.modes.sech_half[j] * (above[j] + below[j]);
-            eta[j] += self.modes.csch_half[j] * (below[j] - above[j]) / self.depth;
+    pub fn middle<const B: usize>(
+        &self,
+        above: &[Vector<N>; B],
+        below: &[Vector<N>; B],
+        inside: &Inside<N, B>,
+    ) -> [[Vector<N>; B]; 2] {
+        let Inside { mut xi, mut eta } = *inside;
+        for b in 0..B {
+            for j in 0..N {
+                xi[b][j] += 0.5 * self.modes.sech_half[j] * (above[b][j] + below[b][j]);
+                eta[b][j] += self.modes.csch_half[j] * (below[b][j] - above[b][j]) / self.depth;
+            }
         }
-        (xi, eta)
+        [xi, eta]
     }
 }
 
 /// How a beam falls over a layer: as e^(−x s), s = 0 … 1.
-struct Fall {
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Fall {
+    /// Its transmittance above.
+    top: f64,
     /// x.
     depth: f64,
     /// e^(−x) and e^(−x/2).
@@ -269,11 +290,19 @@ struct Fall {
 }
 
 impl Fall {
-    #[inline(always)]
-    fn new(top: f64, bottom: f64) -> Self {
+    /// From its transmittance above and below.
+    pub fn new(top: f64, bottom: f64) -> Self {
+        if top <= 1e-200 {
+            return Self { top: 0.0, depth: 1.0, whole: 0.0, half: 0.0 };
+        }
         // A beam that all but ends within the layer keeps a finite x.
         let whole = (bottom / top).max(1e-300);
-        Self { depth: -whole.ln(), whole, half: whole.sqrt() }
+        Self { top, depth: -whole.ln(), whole, half: whole.sqrt() }
+    }
+
+    /// Whether there is a beam.
+    pub fn is_lit(&self) -> bool {
+        self.top > 0.0
     }
 }
 
@@ -287,15 +316,15 @@ struct Response<const N: usize> {
 }
 
 /// Where kΔ and x are smaller, their power series serve.
-const THIN: (f64, f64) = (0.5, 0.5);
+const THIN: (f64, f64) = (0.1, 0.1);
 /// Where x² and (kΔ)² differ by a smaller share of either, the beam falls as the mode does.
 const RESONANT: f64 = 2e-5;
 
 /// 1/n!.
-const INVERSE_FACTORIALS: [f64; 12] = {
-    let mut values = [1.0; 12];
+const INVERSE_FACTORIALS: [f64; 10] = {
+    let mut values = [1.0; 10];
     let mut n = 1;
-    while n < 12 {
+    while n < 10 {
         values[n] = values[n - 1] / n as f64;
         n += 1;
     }
@@ -380,7 +409,7 @@ impl<const N: usize> Modes<N> {
 
     #[inline(always)]
     fn closed(&self, fall: &Fall) -> Response<N> {
-        let Fall { depth: x, whole, half } = *fall;
+        let Fall { depth: x, whole, half, .. } = *fall;
         let nothing = [0.0; N];
         let mut response = Response { top: nothing, bottom: nothing, middle: nothing, middle_slope: nothing };
         for j in 0..N {
@@ -398,7 +427,8 @@ impl<const N: usize> Modes<N> {
     fn across(&self, j: usize, x: f64, response: &mut Response<N>) {
         let k = self.z[j].sqrt();
         let (low, high) = (k * (1.0 - 3e-5), k * (1.0 + 3e-5));
-        let [a, b] = [low, high].map(|x| self.closed(&Fall { depth: x, whole: (-x).exp(), half: (-0.5 * x).exp() }));
+        let [a, b] =
+            [low, high].map(|x| self.closed(&Fall { top: 1.0, depth: x, whole: (-x).exp(), half: (-0.5 * x).exp() }));
         let t = (x - low) / (high - low);
         let mid = |a: f64, b: f64| a + (b - a) * t;
         response.top[j] = mid(a.top[j], b.top[j]);
@@ -410,10 +440,10 @@ impl<const N: usize> Modes<N> {
     /// Thin layers: the same as divided differences, by their power series.
     #[inline(always)]
     fn series(&self, fall: &Fall) -> Response<N> {
-        let Fall { depth: x, whole, half } = *fall;
+        let Fall { depth: x, whole, half, .. } = *fall;
         // Σ_n (∓1)ⁿ/n! h_{n−2}(x, k, −k), h the complete homogeneous polynomials.
         let (mut forth, mut back, mut h, mut power) = ([0.0; N], [0.0; N], [0.0; N], [1.0; N]);
-        for n in (2..12).step_by(2) {
+        for n in (2..10).step_by(2) {
             let (even, odd) = (INVERSE_FACTORIALS[n], INVERSE_FACTORIALS[n + 1]);
             for j in 0..N {
                 h[j] = x * h[j] + power[j];
@@ -428,7 +458,7 @@ impl<const N: usize> Modes<N> {
         // Σ_n 1/(2n)! Σ yⁱ qʲ, i + j = n − 1, and with 1/(2n + 1)!.
         let y = 0.25 * x * x;
         let (mut cosh, mut sinh, mut sum, mut power) = ([0.0; N], [0.0; N], [1.0; N], [1.0; N]);
-        for n in 1..6 {
+        for n in 1..4 {
             let (even, odd) = (INVERSE_FACTORIALS[2 * n], INVERSE_FACTORIALS[2 * n + 1]);
             for j in 0..N {
                 cosh[j] += sum[j] * even;
@@ -496,7 +526,7 @@ mod tests {
         ] {
             // Beside a mode of another kind.
             let modes = Modes::new(&[k * k, 1.3 * k * k + 0.1], 1.0);
-            let r = modes.response(&Fall { depth: x, whole: (-x).exp(), half: (-0.5 * x).exp() });
+            let r = modes.response(&Fall { top: 1.0, depth: x, whole: (-x).exp(), half: (-0.5 * x).exp() });
             for (found, due) in
                 [r.top, r.bottom, r.middle, r.middle_slope].map(|r| r[0]).into_iter().zip(by_steps(k, x))
             {

@@ -43,6 +43,39 @@ pub(crate) fn apply_transposed<const N: usize>(a: &Matrix<N>, x: &Vector<N>) -> 
     out
 }
 
+/// The same of several x, side by side: each has the bits that it would have alone.
+#[inline(always)]
+pub(crate) fn apply_to_each<const N: usize, const B: usize>(a: &Matrix<N>, x: &[Vector<N>; B]) -> [Vector<N>; B] {
+    /// Sums so many at a time stay in registers.
+    const WIDTH: usize = 8;
+    let mut out = [[0.0; N]; B];
+    if N < WIDTH {
+        for (i, row) in a.iter().enumerate() {
+            for b in 0..B {
+                for j in 0..N {
+                    out[b][j] += row[j] * x[b][i];
+                }
+            }
+        }
+        return out;
+    }
+    for start in (0..N).step_by(WIDTH) {
+        let mut sums = [[0.0; WIDTH]; B];
+        for (i, row) in a.iter().enumerate() {
+            let row: &[f64; WIDTH] = row[start..].first_chunk().expect("sizes are powers of two");
+            for b in 0..B {
+                for j in 0..WIDTH {
+                    sums[b][j] += row[j] * x[b][i];
+                }
+            }
+        }
+        for (out, sums) in out.iter_mut().zip(&sums) {
+            out[start..start + WIDTH].copy_from_slice(sums);
+        }
+    }
+    out
+}
+
 /// Σ a b, in sums side by side.
 #[inline(always)]
 pub(crate) fn dot<const N: usize>(a: &Vector<N>, b: &Vector<N>) -> f64 {

@@ -31,9 +31,9 @@ mod matrix;
 mod quadrature;
 
 use grazing::Grazing;
-use layer::{Lit, Operator, Slab, Source};
+use layer::{Fall, Inside, Operator, Slab, Source};
 pub(crate) use legendre::normalised;
-use matrix::{Eigen, Matrix, Sizes, Vector, apply_transposed, dot, inverse, product, transpose};
+use matrix::{Eigen, Matrix, Sizes, Vector, apply_to_each, apply_transposed, dot, inverse, product, transpose};
 use quadrature::{Order, Quadrature};
 
 use crate::wide::wide_too;
@@ -47,6 +47,14 @@ pub(crate) struct Scaled {
     pub parts: usize,
     /// ω(2l+1)χ_l, l = 0 … one less than the streams.
     pub coupling: Vec<f64>,
+}
+
+impl Scaled {
+    /// Whether it scatters at an azimuthal order, beside what it scatters at the order 0.
+    fn counts_at(&self, m: usize, accuracy: f64) -> bool {
+        let least = 0.1 * accuracy * self.coupling[0].abs();
+        self.depth > 0.0 && self.coupling[m..].iter().any(|coupling| coupling.abs() > least)
+    }
 }
 
 /// A beam of unit irradiance at normal incidence above the stack.
@@ -63,53 +71,69 @@ pub(crate) struct Beam {
 pub(crate) struct Field {
     /// c_l^m, order after order, at the edges and middles of the parts from the top down: a row of `streams − m` values each.
     moments: Vec<f64>,
-    /// Where the orders end in these.
-    ends: Vec<usize>,
-    /// Edges and middles.
-    pub levels: usize,
-    /// The part that these begin with.
-    pub first: usize,
+    orders: Vec<Rows>,
+    streams: usize,
     /// Diffuse irradiance on a level surface, upwards above the stack.
     pub leaves: f64,
     /// Downwards below it; the beam beside it is the scaled one.
     pub arrives: f64,
 }
 
+/// Where an order's rows stand.
+#[derive(Clone, Copy, Debug)]
+struct Rows {
+    /// The first level that has one: nothing scatters above it at this order, or it was not kept.
+    first: usize,
+    /// Where they end.
+    end: usize,
+}
+
 impl Field {
     /// The number of orders.
     pub fn orders(&self) -> usize {
-        self.ends.len()
+        self.orders.len()
     }
 
-    /// Those of one order.
+    /// Of one order: the first level that has a row, and the rows.
     #[inline(always)]
-    pub fn order(&self, m: usize) -> &[f64] {
-        let start = if m == 0 { 0 } else { self.ends[m - 1] };
-        &self.moments[start..self.ends[m]]
+    pub fn order(&self, m: usize) -> (usize, &[f64]) {
+        let start = if m == 0 { 0 } else { self.orders[m - 1].end };
+        (self.orders[m].first, &self.moments[start..self.orders[m].end])
+    }
+
+    /// Values in a row of an order.
+    #[inline(always)]
+    pub fn order_width(&self, m: usize) -> usize {
+        self.streams - m
+    }
+
+    /// The first level that has a row, by order.
+    pub fn starts(&self) -> Vec<usize> {
+        self.orders.iter().map(|rows| rows.first).collect()
     }
 
     fn clear(&mut self) {
         self.moments.clear();
-        self.ends.clear();
+        self.orders.clear();
     }
 
-    /// The sum of shares of fields, from a part down.
-    pub fn mixed(fields: &[Field], shares: &[f64], first: usize) -> Self {
-        let mut out = Self { first, ..Self::default() };
+    /// The sum of shares of fields of one stack, from a level down.
+    pub fn mixed(fields: &[Field], shares: &[f64], from: usize) -> Self {
+        let mut out = Self { streams: fields.first().map_or(0, |field| field.streams), ..Self::default() };
         for (field, share) in fields.iter().zip(shares) {
             out.leaves += share * field.leaves;
             out.arrives += share * field.arrives;
         }
         for m in 0..fields.iter().map(Field::orders).max().unwrap_or(0) {
-            let start = out.moments.len();
+            let (start, mut first) = (out.moments.len(), from);
             for (field, share) in fields.iter().zip(shares).filter(|(field, _)| m < field.orders()) {
-                let dropped = 2 * (first - field.first);
-                out.levels = field.levels - dropped;
-                let rows = &field.order(m)[dropped * field.order(m).len() / field.levels..];
+                let (own, rows) = field.order(m);
+                first = own.max(from);
+                let rows = &rows[(first - own) * field.order_width(m)..];
                 out.moments.resize(start + rows.len(), 0.0);
                 out.moments[start..].iter_mut().zip(rows).for_each(|(sum, c)| *sum += share * c);
             }
-            out.ends.push(out.moments.len());
+            out.orders.push(Rows { first, end: out.moments.len() });
         }
         out
     }
@@ -125,9 +149,10 @@ pub(crate) struct Solution {
 }
 
 impl Solution {
-    /// Orders that any beam has.
-    pub fn orders(&self) -> usize {
-        self.beams.iter().map(Field::orders).max().unwrap_or(0).max(self.ground.orders())
+    /// The first level that has a row, by order, as far as any beam has orders.
+    pub fn starts(&self) -> Vec<usize> {
+        let fields = self.beams.iter().chain([&self.ground]);
+        fields.max_by_key(|field| field.orders()).map_or_else(Vec::new, Field::starts)
     }
 }
 
@@ -179,29 +204,53 @@ where
     solution.beams.iter_mut().chain([&mut solution.ground]).for_each(Field::clear);
     // Each beam has its own end, whatever beams stand beside it.
     let mut open: Vec<Open> = beams.iter().map(|_| Open::default()).collect();
+    let falling: Vec<Falling> = beams.iter().map(Falling::new).collect();
     let grazing = Grazing::new(&quadrature, layers);
-    let mut scratch = Scratch::default();
     for m in 0..2 * N {
-        if m > 0 && open.iter().all(|beam| beam.done) {
+        // Layers from the top down that scatter nothing at this order neither send light nor return it.
+        let dark = layers.iter().take_while(|layer| !layer.counts_at(m, accuracy)).count();
+        if m > 0 && dark == layers.len() {
             break;
         }
+        let dark = if m == 0 { 0 } else { dark };
+        let above = layers[..dark].iter().map(|layer| layer.parts).sum();
         let order = Order::new(m, &quadrature);
-        let operators = operators(&order, layers);
-        let stack = Stack::new(&order, layers, &operators, &grazing);
+        let operators = operators(&order, &layers[dark..]);
+        let stack = Stack::new(&order, &layers[dark..], above, &operators, &grazing);
         if m == 0 {
-            stack.add(None, &mut scratch, &mut solution.ground);
+            stack.add(None, [&mut solution.ground]);
         }
-        for ((beam, field), open) in beams.iter().zip(&mut solution.beams).zip(&mut open) {
-            if open.done {
-                continue;
-            }
-            if m > 0 && stack.is_clear() {
-                open.done = true;
-                continue;
-            }
-            stack.add(Some(beam), &mut scratch, field);
+        let fields = falling.iter().zip(&mut solution.beams).zip(&open);
+        let mut wanted = fields.filter(|(_, open)| !open.done).map(|(of, _)| of).collect::<Vec<_>>().into_iter();
+        // So many at a time that a sweep keeps to the nearest memory.
+        while N <= 4 && wanted.len() >= 4 {
+            stack.add_next::<4>(&mut wanted);
+        }
+        while N <= 8 && wanted.len() >= 2 {
+            stack.add_next::<2>(&mut wanted);
+        }
+        while wanted.len() > 0 {
+            stack.add_next::<1>(&mut wanted);
+        }
+        for (field, open) in solution.beams.iter().zip(&mut open).filter(|(_, open)| !open.done) {
             open.sized(size(m, layers, field), accuracy);
         }
+        if open.iter().all(|beam| beam.done) {
+            break;
+        }
+    }
+}
+
+/// A beam, and its fall over every part.
+struct Falling<'a> {
+    beam: &'a Beam,
+    falls: Vec<Fall>,
+}
+
+impl<'a> Falling<'a> {
+    fn new(beam: &'a Beam) -> Self {
+        let falls = beam.transmittance.windows(2).map(|edges| Fall::new(edges[0], edges[1])).collect();
+        Self { beam, falls }
     }
 }
 
@@ -230,13 +279,15 @@ impl Open {
 /// How large J is in the moments of order m: the most of any layer.
 #[inline(always)]
 fn size(m: usize, layers: &[Scaled], field: &Field) -> f64 {
-    let rows = field.order(m);
-    let width = rows.len() / field.levels;
+    let (first, rows) = field.order(m);
+    let width = field.order_width(m);
     let (mut k, mut most) = (0, 0.0f64);
     for layer in layers {
-        let row = &rows[(k + 1) * width..(k + 2) * width];
-        let sum: f64 = row.iter().zip(&layer.coupling[m..]).map(|(c, coupling)| (c * coupling).abs()).sum();
-        most = most.max(sum * layer.depth.min(1.0));
+        if k >= first {
+            let row = &rows[(k + 1 - first) * width..(k + 2 - first) * width];
+            let sum: f64 = row.iter().zip(&layer.coupling[m..]).map(|(c, coupling)| (c * coupling).abs()).sum();
+            most = most.max(sum * layer.depth.min(1.0));
+        }
         k += 2 * layer.parts;
     }
     most
@@ -268,6 +319,8 @@ struct Joined<const N: usize> {
 struct Stack<'a, const N: usize> {
     order: &'a Order<N>,
     layers: &'a [Scaled],
+    /// Parts above these layers.
+    above: usize,
     grazing: &'a Grazing,
     operators: &'a [Operator<N>],
     /// From the top down.
@@ -279,7 +332,13 @@ where
     Sizes: Eigen<N>,
 {
     #[inline(always)]
-    fn new(order: &'a Order<N>, layers: &'a [Scaled], operators: &'a [Operator<N>], grazing: &'a Grazing) -> Self {
+    fn new(
+        order: &'a Order<N>,
+        layers: &'a [Scaled],
+        above: usize,
+        operators: &'a [Operator<N>],
+        grazing: &'a Grazing,
+    ) -> Self {
         let parts: usize = layers.iter().map(|layer| layer.parts).sum();
         let mut joined: Vec<Joined<N>> = Vec::with_capacity(parts);
         let mut below = [[0.0; N]; N];
@@ -319,12 +378,7 @@ where
             }
         }
         joined.reverse();
-        Self { order, layers, grazing, operators, joined }
-    }
-
-    /// Whether nothing scatters at this order.
-    fn is_clear(&self) -> bool {
-        self.joined.iter().all(|part| part.inner.is_none())
+        Self { order, layers, above, grazing, operators, joined }
     }
 
     /// A part's operators; nothing where it is clear.
@@ -345,172 +399,198 @@ where
         }
     }
 
-    /// Solves for one beam, or for a ground of radiance 1 alone, and appends the order's moments.
+    /// Solves for the next so many beams.
     #[inline(always)]
-    fn add(&'a self, beam: Option<&Beam>, scratch: &mut Scratch<N>, field: &mut Field) {
-        let n = self.joined.len();
-        let toward = beam.map(|beam| self.order.toward(-beam.cosine));
-        let Scratch { lit, climbing, rows } = scratch;
-        lit.clear();
-        climbing.clear();
-        rows.clear();
-        // Upwards: S above each part, and g of it.
-        let mut emission = if beam.is_some() { [0.0; N] } else { self.order.lambertian };
-        let mut source = (usize::MAX, Source::default());
-        for (i, part) in self.joined.iter().enumerate().rev() {
-            let below = emission;
-            let Some((slab, _, z)) = self.slab(part) else {
-                emission.iter_mut().zip(self.clear(part)).for_each(|(e, t)| *e *= t);
-                climbing.push((below, [0.0; N]));
-                lit.push(None);
-                continue;
-            };
-            let mut own = None;
-            if let (Some(beam), Some(toward)) = (beam, &toward) {
-                if source.0 != part.layer {
-                    source = (part.layer, slab.source(toward));
-                }
-                let (top, bottom) = (beam.transmittance[i], beam.transmittance[i + 1]);
-                if top > 1e-200 {
-                    own = Some(slab.lit(&source.1, top, bottom));
-                }
-            }
-            let mut g = apply_transposed(&slab.reflection, &below);
-            if let Some(lit) = &own {
-                g.iter_mut().zip(&lit.down).for_each(|(g, s)| *g += s);
-            }
-            let mut inside = apply_transposed(z, &g);
-            inside.iter_mut().zip(&below).for_each(|(x, s)| *x += s);
-            emission = apply_transposed(&slab.transmission, &inside);
-            if let Some(lit) = &own {
-                emission.iter_mut().zip(&lit.up).for_each(|(e, s)| *e += s);
-            }
-            climbing.push((below, g));
-            lit.push(own);
-        }
-
-        // Downwards.
-        field.levels = 2 * n + 1;
-        let mut down = [0.0; N];
-        let mut up = emission;
-        let (mut x, mut y) = both(&up, &down);
-        if self.order.m == 0 {
-            field.leaves = self.order.flux(&up);
-        }
-        rows.push(self.order.moments_at_nodes.of(&x, &y));
-        let mut above = (usize::MAX, [0.0; N]); // layer, Gᵀ x at the upper edge of the part
-        for (i, part) in self.joined.iter().enumerate() {
-            let (below, g) = &climbing[n - 1 - i]; // from the lowest part on
-            match self.slab(part) {
-                Some((slab, m, _)) => {
-                    if above.0 != part.layer {
-                        above = (part.layer, apply_transposed(&slab.g, &x));
-                    }
-                    let mut enters = apply_transposed(&slab.transmission, &down);
-                    enters.iter_mut().zip(g).for_each(|(e, g)| *e += g);
-                    down = apply_transposed(m, &enters);
-                    up = apply_transposed(&part.below, &down);
-                    up.iter_mut().zip(below).for_each(|(u, s)| *u += s);
-                    (x, y) = both(&up, &down);
-                    let lower = apply_transposed(&slab.g, &x);
-                    let (xi, eta) = slab.middle(&above.1, &lower, lit[n - 1 - i].as_ref());
-                    above.1 = lower;
-                    rows.push(slab.moments.of(&xi, &eta));
-                }
-                None => {
-                    let t = self.clear(part);
-                    let half: Vector<N> = t.map(f64::sqrt);
-                    up = apply_transposed(&part.below, &std::array::from_fn(|k| down[k] * t[k]));
-                    up.iter_mut().zip(below).for_each(|(u, s)| *u += s);
-                    let (x_mid, y_mid) =
-                        both(&std::array::from_fn(|k| up[k] * half[k]), &std::array::from_fn(|k| down[k] * half[k]));
-                    rows.push(self.order.moments_at_nodes.of(&x_mid, &y_mid));
-                    down.iter_mut().zip(t).for_each(|(d, t)| *d *= t);
-                    (x, y) = both(&up, &down);
-                }
-            }
-            rows.push(self.order.moments_at_nodes.of(&x, &y));
-        }
-        if self.order.m == 0 {
-            field.arrives = self.order.flux(&down);
-        }
-        self.mend(beam.zip(toward.as_ref().map(|toward| &toward[0])), rows);
-        // Rows lie close; what each has too much the next overwrites.
-        let width = 2 * N - self.order.m;
-        let start = field.moments.len();
-        field.moments.resize(start + field.levels * width + 2 * N, 0.0);
-        for (k, [even, odd]) in rows.iter().enumerate() {
-            let (pairs, _) = field.moments[start + k * width..][..2 * N].as_chunks_mut::<2>();
-            for j in 0..N {
-                pairs[j] = [even[j], odd[j]];
-            }
-        }
-        field.moments.truncate(start + field.levels * width);
-        field.ends.push(field.moments.len());
+    fn add_next<'b, const B: usize>(&self, wanted: &mut impl Iterator<Item = (&'b Falling<'b>, &'b mut Field)>) {
+        let some: [_; B] = std::array::from_fn(|_| wanted.next().expect("so many are left"));
+        let beams = std::array::from_fn(|b| some[b].0);
+        self.add(Some(beams), some.map(|(_, field)| field));
     }
 
-    /// Λ_l(0) of each moment in J at the horizon, in the layer of a part, and J there of a beam of transmittance 1 whose even
-    /// Λ_l are these.
+    /// Solves for some beams, or for a ground of radiance 1 alone, and appends the order's moments to each field.
     #[inline(always)]
-    fn level_source(&self, part: usize, toward: &Vector<N>) -> (Vector<N>, f64) {
+    fn add<const B: usize>(&self, beams: Option<[&Falling; B]>, mut fields: [&mut Field; B]) {
+        let toward = beams.map(|beams| beams.map(|falling| self.order.toward(-falling.beam.cosine)));
+        // From the lowest part up.
+        let mut climbing: Vec<Climbing<N, B>> = Vec::with_capacity(self.joined.len());
+        let mut emission = [if beams.is_some() { [0.0; N] } else { self.order.lambertian }; B];
+        let mut source = (usize::MAX, [Source::default(); B]);
+        for (i, part) in self.joined.iter().enumerate().rev() {
+            climbing.push(Climbing { below: emission, g: [[0.0; N]; B], inside: Inside::default() });
+            let Climbing { below, g, inside } = &mut climbing[self.joined.len() - 1 - i];
+            let Some((slab, _, z)) = self.slab(part) else {
+                let t = self.clear(part);
+                emission.iter_mut().for_each(|emission| emission.iter_mut().zip(t).for_each(|(e, t)| *e *= t));
+                continue;
+            };
+            *g = apply_to_each(&slab.reflection, below);
+            let mut lit = [[0.0; N]; B];
+            if let (Some(beams), Some(toward)) = (beams, &toward) {
+                if source.0 != part.layer {
+                    source.0 = part.layer;
+                    source.1.iter_mut().zip(toward).for_each(|(source, toward)| *source = slab.source(toward));
+                }
+                let falls = beams.map(|falling| &falling.falls[self.above + i]);
+                let [up, down] = slab.lit(&source.1, &falls, inside);
+                add_to(g, &down);
+                lit = up;
+            }
+            let mut enters = apply_to_each(z, g);
+            add_to(&mut enters, below);
+            emission = apply_to_each(&slab.transmission, &enters);
+            add_to(&mut emission, &lit);
+        }
+
+        // From the top down: the moments of each level.
+        let width = 2 * N - self.order.m;
+        let mut level = Level { stack: self, beams, at: 0, starts: [0; B], above: Default::default() };
+        for (field, start) in fields.iter_mut().zip(&mut level.starts) {
+            *start = field.moments.len();
+            field.streams = 2 * N;
+            field.moments.resize(*start + (2 * self.joined.len() + 1) * width + 2 * N, 0.0);
+        }
+        let toward = toward.map_or([[0.0; N]; B], |toward| toward.map(|[even, _]| even));
+        let mut down = [[0.0; N]; B];
+        let mut up = emission;
+        let mut own = self.level_source(0, &toward);
+        let [mut x, mut y] = both(&up, &down);
+        if self.order.m == 0 {
+            fields.iter_mut().zip(&up).for_each(|(field, up)| field.leaves = self.order.flux(up));
+        }
+        if self.above == 0 {
+            level.above = own;
+        }
+        level.put(self.order.moments_at_nodes.of(&x, &y), &own, &mut fields);
+        let mut entering = (usize::MAX, [[0.0; N]; B]); // layer, Gᵀ x at the upper edge of the part
+        for (i, (part, Climbing { below, g, inside })) in self.joined.iter().zip(climbing.iter().rev()).enumerate() {
+            level.above = own;
+            match self.slab(part) {
+                Some((slab, m, _)) => {
+                    if entering.0 != part.layer {
+                        entering = (part.layer, apply_to_each(&slab.g, &x));
+                    }
+                    let mut enters = apply_to_each(&slab.transmission, &down);
+                    add_to(&mut enters, g);
+                    down = apply_to_each(m, &enters);
+                    up = apply_to_each(&part.below, &down);
+                    add_to(&mut up, below);
+                    [x, y] = both(&up, &down);
+                    let leaving = apply_to_each(&slab.g, &x);
+                    let [xi, eta] = slab.middle(&entering.1, &leaving, inside);
+                    entering.1 = leaving;
+                    level.put(slab.moments.of(&xi, &eta), &own, &mut fields);
+                }
+                None => {
+                    // J is nothing in its middle.
+                    level.at += 1;
+                    let t = self.clear(part);
+                    down.iter_mut().for_each(|down| down.iter_mut().zip(t).for_each(|(d, t)| *d *= t));
+                    up = apply_to_each(&part.below, &down);
+                    add_to(&mut up, below);
+                    [x, y] = both(&up, &down);
+                }
+            }
+            if self.joined.get(i + 1).is_some_and(|next| next.layer != part.layer) {
+                own = self.level_source(i + 1, &toward);
+            }
+            level.put(self.order.moments_at_nodes.of(&x, &y), &own, &mut fields);
+        }
+        for ((field, start), down) in fields.into_iter().zip(level.starts).zip(&down) {
+            field.moments.truncate(start + (2 * self.joined.len() + 1) * width);
+            field.orders.push(Rows { first: 2 * self.above, end: field.moments.len() });
+            if self.order.m == 0 {
+                field.arrives = self.order.flux(down);
+            }
+        }
+    }
+
+    /// Light at the horizon in the layer of a part, under beams whose even Λ_l are these.
+    #[inline(always)]
+    fn level_source<const B: usize>(&self, part: usize, toward: &[Vector<N>; B]) -> LevelSource<N, B> {
         let couplings = &self.layers[self.joined[part].layer].coupling[self.order.m..];
         let mut by_moment = [0.0; N];
         for ((to, own), coupling) in by_moment.iter_mut().zip(&self.order.level).zip(couplings.iter().step_by(2)) {
             *to = own * coupling;
         }
         let factor = if self.order.m == 0 { 0.25 / PI } else { 0.5 / PI };
-        (by_moment, factor * dot(&by_moment, toward))
-    }
-
-    /// Adds to the moments of the order what the quadrature misses near the horizon.
-    #[inline(always)]
-    fn mend(&self, beam: Option<(&Beam, &Vector<N>)>, rows: &mut [[Vector<N>; 2]]) {
-        let toward = beam.map_or(&[0.0; N], |(_, toward)| toward);
-        let from_ground = if beam.is_some() { 0.0 } else { 1.0 };
-        let parts = self.joined.len();
-        let mut below = self.level_source(0, toward);
-        let mut above = below;
-        for (k, [even, _]) in rows.iter_mut().enumerate() {
-            // The parts above a level and below it.
-            let (upper, lower) = (k.saturating_sub(1) / 2, (k / 2).min(parts - 1));
-            if k % 2 == 0 && k > 0 {
-                above = below;
-                if self.joined[upper].layer != self.joined[lower].layer {
-                    below = self.level_source(lower, toward);
-                }
-            }
-            let (down, up) = (self.grazing.down[k], self.grazing.up[k]);
-            if down == 0.0 && up == 0.0 {
-                continue;
-            }
-            let mut passes = 0.0;
-            if let Some((beam, _)) = beam {
-                passes = beam.transmittance[k / 2];
-                if k % 2 == 1 {
-                    passes = (passes * beam.transmittance[k / 2 + 1]).sqrt();
-                }
-            }
-            let from_above = dot(&above.0, even) + above.1 * passes;
-            let from_below = dot(&below.0, even) + below.1 * passes;
-            let mended = 0.5 * (up * (from_ground - from_below) - down * from_above);
-            even.iter_mut().zip(&self.order.level).for_each(|(c, own)| *c += mended * own);
-        }
+        LevelSource { by_beam: toward.map(|toward| factor * dot(&by_moment, &toward)), by_moment }
     }
 }
 
-/// What a sweep keeps of each part, from the lowest up.
-struct Scratch<const N: usize> {
-    lit: Vec<Option<Lit<N>>>,
-    /// S below the part, and g.
-    climbing: Vec<(Vector<N>, Vector<N>)>,
-    /// Moments of each level, from the top down.
-    rows: Vec<[Vector<N>; 2]>,
+/// J at the horizon.
+#[derive(Clone, Copy)]
+struct LevelSource<const N: usize, const B: usize> {
+    /// Λ_l(0) of each even moment in it.
+    by_moment: Vector<N>,
+    /// Of beams of transmittance 1.
+    by_beam: [f64; B],
 }
 
-impl<const N: usize> Default for Scratch<N> {
+impl<const N: usize, const B: usize> Default for LevelSource<N, B> {
     fn default() -> Self {
-        Self { lit: Vec::new(), climbing: Vec::new(), rows: Vec::new() }
+        Self { by_moment: [0.0; N], by_beam: [0.0; B] }
     }
+}
+
+/// The level whose moments come next.
+struct Level<'a, const N: usize, const B: usize> {
+    stack: &'a Stack<'a, N>,
+    beams: Option<[&'a Falling<'a>; B]>,
+    /// Counted from the upper edge of the stack.
+    at: usize,
+    /// Where the order begins in each field.
+    starts: [usize; B],
+    /// J at the horizon just above it.
+    above: LevelSource<N, B>,
+}
+
+impl<const N: usize, const B: usize> Level<'_, N, B> {
+    /// Puts c_l of even and odd l + m into the fields, with what the quadrature misses near the horizon; `below` is J there
+    /// just below the level.
+    #[inline(always)]
+    fn put(&mut self, moments: [[Vector<N>; B]; 2], below: &LevelSource<N, B>, fields: &mut [&mut Field; B]) {
+        let [mut even, odd] = moments;
+        let Stack { order, grazing, above, .. } = *self.stack;
+        let k = 2 * above + self.at;
+        let (down, up) = (grazing.down[k], grazing.up[k]);
+        if down != 0.0 || up != 0.0 {
+            let from_ground = if self.beams.is_some() { 0.0 } else { 1.0 };
+            for b in 0..B {
+                let mut passes = 0.0;
+                if let Some(beams) = self.beams {
+                    let transmittance = &beams[b].beam.transmittance;
+                    passes = transmittance[k / 2];
+                    if k % 2 == 1 {
+                        passes = (passes * transmittance[k / 2 + 1]).sqrt();
+                    }
+                }
+                let from_above = dot(&self.above.by_moment, &even[b]) + self.above.by_beam[b] * passes;
+                let from_below = dot(&below.by_moment, &even[b]) + below.by_beam[b] * passes;
+                let mended = 0.5 * (up * (from_ground - from_below) - down * from_above);
+                for j in 0..N {
+                    even[b][j] += mended * order.level[j];
+                }
+            }
+        }
+        // Rows lie close; what each has too much the next overwrites.
+        let width = 2 * N - order.m;
+        for b in 0..B {
+            let (pairs, _) = fields[b].moments[self.starts[b] + self.at * width..][..2 * N].as_chunks_mut::<2>();
+            for j in 0..N {
+                pairs[j] = [even[b][j], odd[b][j]];
+            }
+        }
+        self.at += 1;
+    }
+}
+
+/// What a sweep upwards leaves at a part.
+struct Climbing<const N: usize, const B: usize> {
+    /// S below it.
+    below: [Vector<N>; B],
+    g: [Vector<N>; B],
+    /// What the beams leave in it.
+    inside: Inside<N, B>,
 }
 
 /// With b the weight of what comes down below a part, e that of what goes up above it, from the equations of the sweeps:
@@ -529,7 +609,7 @@ where
     let order = Order::new(0, &quadrature);
     let operators = operators(&order, layers);
     let grazing = Grazing::default();
-    let stack = Stack::new(&order, layers, &operators, &grazing);
+    let stack = Stack::new(&order, layers, 0, &operators, &grazing);
     let mut weights: Vec<Vector<N>> = Vec::with_capacity(stack.joined.len()); // Mᵀ b
     let mut b = order.flux_weights;
     for part in stack.joined.iter().rev() {
@@ -567,9 +647,9 @@ where
         }
         let worth = slab.worth(&e, &gamma);
         for ((sum, beam), source) in arriving.beams.iter_mut().zip(beams).zip(&sources) {
-            let (top, bottom) = (beam.transmittance[i], beam.transmittance[i + 1]);
-            if top > 1e-200 {
-                *sum += slab.lit_worth(&worth, source, top, bottom);
+            let fall = Fall::new(beam.transmittance[i], beam.transmittance[i + 1]);
+            if fall.is_lit() {
+                *sum += slab.lit_worth(&worth, source, &fall);
             }
         }
         e = apply_transposed(&slab.reflection, &gamma);
@@ -579,13 +659,25 @@ where
     arriving
 }
 
+/// x and y of each beam.
 #[inline(always)]
-fn both<const N: usize>(up: &Vector<N>, down: &Vector<N>) -> (Vector<N>, Vector<N>) {
-    let (mut x, mut y) = ([0.0; N], [0.0; N]);
-    for i in 0..N {
-        (x[i], y[i]) = (up[i] + down[i], up[i] - down[i]);
+fn both<const N: usize, const B: usize>(up: &[Vector<N>; B], down: &[Vector<N>; B]) -> [[Vector<N>; B]; 2] {
+    let (mut x, mut y) = ([[0.0; N]; B], [[0.0; N]; B]);
+    for b in 0..B {
+        for i in 0..N {
+            (x[b][i], y[b][i]) = (up[b][i] + down[b][i], up[b][i] - down[b][i]);
+        }
     }
-    (x, y)
+    [x, y]
+}
+
+#[inline(always)]
+fn add_to<const N: usize, const B: usize>(sums: &mut [Vector<N>; B], more: &[Vector<N>; B]) {
+    for b in 0..B {
+        for i in 0..N {
+            sums[b][i] += more[b][i];
+        }
+    }
 }
 
 #[cfg(test)]

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use super::legendre::normalised;
-use super::matrix::{Matrix, Vector, apply_transposed, dot};
+use super::matrix::{Matrix, Vector, apply_to_each, dot};
 use crate::quadrature::gauss_legendre;
 
 /// N nodes μ in each hemisphere, their weights summing to 1.
@@ -102,9 +102,9 @@ impl<const N: usize> Moments<N> {
         Self { even, odd }
     }
 
-    /// c_l, l = m, m + 2, …, and c_(l+1); zeros where there are no more.
+    /// c_l, l = m, m + 2, …, and c_(l+1), of each x and y; zeros where there are no more.
     #[inline(always)]
-    pub fn of(&self, x: &Vector<N>, y: &Vector<N>) -> [Vector<N>; 2] {
-        [apply_transposed(&self.even, x), apply_transposed(&self.odd, y)]
+    pub fn of<const B: usize>(&self, x: &[Vector<N>; B], y: &[Vector<N>; B]) -> [[Vector<N>; B]; 2] {
+        [apply_to_each(&self.even, x), apply_to_each(&self.odd, y)]
     }
 }
