@@ -22,8 +22,8 @@ use crate::ladder::{Ladder, Rung};
 use crate::medium::{Layer, Medium, Strata};
 use crate::phase::Phase;
 use crate::radiance::{
-    Fan, FieldSuns, Gathered, Lattice, Look, Optics, Projected, Sight, SunDepths, SunRays, Turn, Weighed, arriving_at,
-    gather, gather_ground, project, solve_entry,
+    Basket, Bundle, Crossed, Fan, FieldSuns, Gathered, LANES, Lanes, Lattice, Look, Optics, Projected, Sight,
+    SunDepths, SunRays, Turn, Weighed, arriving_at, gather, gather_ground, mix_azimuths, project, solve_entry,
 };
 use crate::ray::Shells;
 use crate::solver::{Field, Solution};
@@ -98,24 +98,33 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
     let rays = if directional { nodes.rays(&shells, &lattices, zeniths.len(), settings.streams) } else { Vec::new() };
     let scattering = Scattering::new(&nodes, if directional { &zeniths } else { &[] }, &optics);
     let keep = needs.path_heights.map_or(f64::INFINITY, |(_, high)| 1.1 * high.max(0.0) + 100.0);
-    let columns: Vec<Column> = (optics.into_par_iter().zip(&places))
-        .map_init(Workspace::default, |workspace, (optics, place)| {
-            let (lattice, fields) = (&lattices.lattices[*place], &lattices.fields[*place]);
-            solve_entry(&optics, fields, settings.accuracy, &mut workspace.solution);
-            let depths: Vec<SunDepths> = lattices.rays[*place].iter().map(|sun| sun.depths(&optics)).collect();
-            let sky = directional
-                .then(|| nodes.solve((&rays[*place], &scattering), &lattices, *place, &optics, workspace, &depths));
-            let solution = &workspace.solution;
-            let first = lattice.first_below(keep);
-            let of_suns = paths.then(|| {
-                (depths.iter().zip(&zeniths).enumerate())
-                    .map(|(i, (depths, sun))| {
-                        (depths.below(first), fields.field_of(&solution.beams, i, *sun, 2 * first))
-                    })
-                    .collect()
-            });
-            let ground = paths.then(|| Field::mixed(std::slice::from_ref(&solution.ground), &[1.0], 2 * first));
-            Column { optics, lattice: *place, sky, lit: of_suns.unwrap_or_default(), ground }
+    let bundles: Vec<Solved> = (Bundle::of(optics, &places).into_par_iter())
+        .map_init(Workspace::default, |workspace, (place, bundle)| {
+            let (lattice, fields) = (&lattices.lattices[place], &lattices.fields[place]);
+            let depths: Vec<SunDepths> = lattices.rays[place].iter().map(|sun| sun.depths(&bundle)).collect();
+            let first = 2 * lattice.first_below(keep);
+            let mut solved = Solved { bundle, lattice: place, skies: Vec::new(), lit: Vec::new(), grounds: Vec::new() };
+            if paths {
+                let of_sun = |depths: &SunDepths| (depths.below(first), Vec::with_capacity(LANES));
+                solved.lit = depths.iter().map(of_sun).collect();
+            }
+            for (lane, optics) in solved.bundle.columns.iter().enumerate() {
+                solve_entry(optics, fields, settings.accuracy, &mut workspace.solution);
+                if directional {
+                    solved.skies.push(nodes.draw(&rays[place], &lattices, place, (lane, optics), workspace));
+                }
+                if paths {
+                    let Solution { beams, ground } = &workspace.solution;
+                    for (i, ((_, lit), sun)) in solved.lit.iter_mut().zip(&zeniths).enumerate() {
+                        lit.push(fields.field_of(beams, i, *sun, first));
+                    }
+                    solved.grounds.push(Field::mixed(std::slice::from_ref(ground), &[1.0], first));
+                }
+            }
+            if directional {
+                nodes.gather(&rays[place], &scattering, &solved.bundle, &depths, workspace, &mut solved.skies);
+            }
+            solved
         })
         .collect();
     let shapes: Vec<Shape> = match directional {
@@ -123,12 +132,14 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
         false => Vec::new(),
     };
     let mut skies = Vec::new();
-    let mut by_sun: Vec<Vec<(SunDepths, Field)>> = vec![Vec::new(); zeniths.len()];
+    let mut by_sun: Vec<Vec<(SunDepths, Vec<Field>)>> = vec![Vec::new(); zeniths.len()];
     let mut grounds = Vec::new();
-    for column in columns {
-        skies.extend(column.sky);
-        by_sun.iter_mut().zip(column.lit).for_each(|(all, lit)| all.push(lit));
-        grounds.extend(column.ground.map(|ground| (column.optics, column.lattice, ground)));
+    for solved in bundles {
+        skies.extend(solved.skies);
+        by_sun.iter_mut().zip(solved.lit).for_each(|(all, lit)| all.push(lit));
+        if paths {
+            grounds.push((solved.bundle, solved.lattice, solved.grounds));
+        }
     }
 
     let per_metre = |of: fn(&Layer) -> f64| -> Vec<Vec<f64>> {
@@ -150,33 +161,40 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
         notes: air.notes,
         shells,
     });
-    let by_sun: Vec<Arc<Vec<(SunDepths, Field)>>> = by_sun.into_iter().map(Arc::new).collect();
+    let by_sun: Vec<Arc<Vec<(SunDepths, Vec<Field>)>>> = by_sun.into_iter().map(Arc::new).collect();
     let mut next = 0..;
     let places: Vec<Option<usize>> = lit.iter().map(|lit| lit.then(|| next.next().unwrap_or(0))).collect();
-    let over = |albedo: &Vec<f64>| {
-        (suns.par_iter().zip(&places))
-            .map(|(sun, place)| -> Box<dyn SkyState> {
-                let mut state = ColumnSkyState::dark(&shared, &air.solar, sun, n);
-                if sun.is_up()
-                    && let Some(lengths) = shared.shells.towards_apparent(0.0, sun.apparent.zenith())
-                {
-                    let through = |extinction: &Vec<f64>| {
-                        let depth: f64 = lengths.iter().zip(extinction).map(|(s, beta)| s * beta).sum();
-                        (-depth).exp()
-                    };
-                    state.transmittance = Spectrum::new(shared.extinction.iter().map(through).collect());
-                }
-                let Some(place) = place.filter(|_| diffuse) else { return Box::new(state) };
+    // By sun and ground.
+    let states: Vec<Vec<ColumnSkyState>> = (suns.par_iter().zip(&places))
+        .map(|(sun, place)| {
+            let mut dark = ColumnSkyState::dark(&shared, &air.solar, sun, n);
+            if sun.is_up()
+                && let Some(lengths) = shared.shells.towards_apparent(0.0, sun.apparent.zenith())
+            {
+                let through = |extinction: &Vec<f64>| {
+                    let depth: f64 = lengths.iter().zip(extinction).map(|(s, beta)| s * beta).sum();
+                    (-depth).exp()
+                };
+                dark.transmittance = Spectrum::new(shared.extinction.iter().map(through).collect());
+            }
+            let mut states = vec![dark; air.albedos.len()];
+            let Some(place) = place.filter(|_| diffuse) else { return states };
+            for (state, albedo) in states.iter_mut().zip(&air.albedos) {
                 state.put_fluxes(&fluxes, place, albedo);
-                if directional {
-                    state.put_sky(&nodes, shapes[place].clone(), &skies, place, &fluxes);
-                }
                 state.lit = Arc::clone(&by_sun[place]);
-                Box::new(state)
-            })
-            .collect()
-    };
-    air.albedos.iter().map(over).collect()
+            }
+            if directional {
+                put_sky(&mut states, &nodes, &shapes[place], &skies, place, &fluxes);
+            }
+            states
+        })
+        .collect();
+    let mut by_ground: Vec<Vec<Box<dyn SkyState>>> =
+        air.albedos.iter().map(|_| Vec::with_capacity(suns.len())).collect();
+    for states in states {
+        by_ground.iter_mut().zip(states).for_each(|(of_ground, state)| of_ground.push(Box::new(state)));
+    }
+    by_ground
 }
 
 /// Where columns are solved one after another.
@@ -186,19 +204,22 @@ struct Workspace {
     weighed: Vec<Weighed>,
     /// By ray and field.
     projected: Vec<Vec<Projected>>,
+    /// By ray.
+    crossed: Vec<Crossed>,
     /// By azimuth, and mixed for another.
-    gathered: Vec<Gathered>,
+    gathered: Basket,
     mixed: Gathered,
 }
 
-/// A column of the ladder, solved.
-struct Column {
-    optics: Optics,
+/// Columns of the ladder, solved.
+struct Solved {
+    bundle: Bundle,
     lattice: usize,
-    sky: Option<NodeSky>,
-    /// By sun, and over a ground that shines, as far up as paths reach; nothing where none are asked for.
-    lit: Vec<(SunDepths, Field)>,
-    ground: Option<Field>,
+    /// By column; nothing where none is asked for.
+    skies: Vec<NodeSky>,
+    /// By sun, each by column, and over a ground that shines, as far up as paths reach; nothing where none are asked for.
+    lit: Vec<(SunDepths, Vec<Field>)>,
+    grounds: Vec<Field>,
 }
 
 /// Lattices, each once, with the rays to all suns.
@@ -256,7 +277,7 @@ fn fluxes(media: &[Medium], shells: &Shells, zeniths: &[f64], settings: &Setting
 
 /// Directions at which the sky is known: zenith angles by azimuths from the sun's, 0 and π among them. The zenith has one.
 #[derive(Clone, Debug)]
-struct Nodes {
+pub(crate) struct Nodes {
     zeniths: Vec<f64>,
     azimuths: Vec<f64>,
 }
@@ -269,12 +290,12 @@ const ZENITHS: [f64; 20] = [
 /// Azimuths from the sun's \[deg\], denser about it.
 const AZIMUTHS: [f64; 15] =
     [0.0, 4.0, 9.0, 16.0, 25.0, 36.0, 48.0, 62.0, 77.0, 93.0, 110.0, 127.0, 145.0, 162.0, 180.0];
-/// Azimuths at which light is gathered; between them a polynomial in cos Δφ. Three serve where a ray sees the sun change
-/// little along its way.
-const GATHERED: [f64; 5] = [0.0, PI / 4.0, PI / 2.0, 3.0 * PI / 4.0, PI];
+/// Azimuths at which light is gathered; between them a polynomial in cos Δφ. The fewer serve the less a ray sees the sun
+/// change along its way.
+pub(crate) const GATHERED: [&[f64]; 4] =
+    [&[0.0], &[0.0, PI], &[0.0, PI / 2.0, PI], &[0.0, PI / 4.0, PI / 2.0, 3.0 * PI / 4.0, PI]];
+/// The first that serve the whole sky under any sun but the lowest.
 const FEW: [f64; 3] = [0.0, PI / 2.0, PI];
-/// Zenith angle from which all are \[rad\].
-const LOW: f64 = 72.0 * PI / 180.0;
 
 /// A node nearer to the sun counts as one this far from it \[rad\]: the tip of a peak tells little of what lies around it.
 const TIP: f64 = 1.7 * PI / 180.0;
@@ -283,7 +304,7 @@ const TIP: f64 = 1.7 * PI / 180.0;
 const BESIDE: f64 = 0.1;
 
 /// Shares of gathered azimuths at another.
-fn azimuth_shares(gathered: &[f64], azimuth: f64) -> Vec<f64> {
+pub(crate) fn azimuth_shares(gathered: &[f64], azimuth: f64) -> Vec<f64> {
     let x = azimuth.cos();
     let share = |i: usize| -> f64 {
         let others = gathered.iter().enumerate().filter(|(j, _)| *j != i);
@@ -313,12 +334,15 @@ impl Nodes {
         if zenith == 0 { &self.azimuths[..1] } else { &self.azimuths }
     }
 
-    /// Azimuths at which light from a zenith angle is gathered: on a flat Earth every azimuth has the same suns.
-    fn gathered(round: bool, zenith: f64) -> &'static [f64] {
-        match (round, zenith > LOW) {
-            (true, true) => &GATHERED,
-            (true, false) => &FEW,
-            (false, _) => &FEW[..1],
+    /// Which of [`GATHERED`] serve light from a zenith angle under a sun \[rad\]: on a flat Earth every azimuth has the same
+    /// suns. Beyond 78° light is told apart by the place it comes from, and only the sun's own depths have to follow.
+    pub(crate) fn gathered(round: bool, zenith: f64, sun: f64) -> usize {
+        let (zenith, sun) = (zenith.to_degrees(), sun.to_degrees());
+        match zenith {
+            zenith if !round || zenith == 0.0 => 0,
+            zenith if sun <= 60.0 || sun <= 80.0 && zenith >= 80.0 => 1,
+            zenith if sun <= 75.0 || sun <= 86.0 && zenith >= 80.0 || zenith < 72.0 => 2,
+            _ => 3,
         }
     }
 
@@ -330,10 +354,13 @@ impl Nodes {
                 (self.zeniths.iter().enumerate())
                     .map(|(j, zenith)| {
                         let sight = Sight::new(shells, lattice, Look::Up, (0.0, *zenith), all, streams, streams);
-                        let azimuths = Self::gathered(shells.is_round(), *zenith);
-                        let fan = |sun| Fan::new(&sight, &lattices.rays[l][sun], &lattices.fields[l], sun, azimuths);
+                        let fan = |sun: usize| {
+                            let rays = &lattices.rays[l][sun];
+                            let set = Self::gathered(shells.is_round(), *zenith, rays.zenith);
+                            (Fan::new(&sight, rays, &lattices.fields[l], sun, GATHERED[set]), set)
+                        };
                         let fans = (0..suns).map(fan).collect();
-                        let mixes = self.ring(j).iter().map(|a| azimuth_shares(azimuths, *a)).collect();
+                        let mixes = GATHERED.map(|set| self.ring(j).iter().map(|a| azimuth_shares(set, *a)).collect());
                         NodeRay { sight, fans, mixes }
                     })
                     .collect()
@@ -341,20 +368,28 @@ impl Nodes {
             .collect()
     }
 
-    /// The sky of a column at the nodes.
-    fn solve(
+    /// Draws light from the solved fields of the column in a lane, for [`Self::gather`]; gives its sky with what no sun has
+    /// to be gathered for.
+    fn draw(
         &self,
-        (rays, scattering): (&[NodeRay], &Scattering),
+        rays: &[NodeRay],
         lattices: &Lattices,
         lattice: usize,
-        optics: &Optics,
-        Workspace { solution, weighed, projected, gathered: all, mixed }: &mut Workspace,
-        depths: &[SunDepths],
+        (lane, optics): (usize, &Optics),
+        Workspace { solution, weighed, projected, crossed, .. }: &mut Workspace,
     ) -> NodeSky {
         let (suns, fields) = (&lattices.rays[lattice], &lattices.fields[lattice]);
-        let mut sky = NodeSky {
+        weighed.resize_with(rays.len(), Weighed::default);
+        crossed.resize_with(rays.len(), Crossed::default);
+        let starts = solution.starts();
+        for ((weighed, crossed), NodeRay { sight, .. }) in weighed.iter_mut().zip(crossed).zip(rays) {
+            weighed.weigh(optics, sight, &starts, fields.draws_by_place(sight));
+            crossed.take(weighed, lane);
+        }
+        project(weighed, &solution.beams, lane, projected);
+        NodeSky {
             by_sun: vec![vec![[0.0; 2]; self.len()]; suns.len()],
-            by_ground: Vec::with_capacity(self.zeniths.len()),
+            by_ground: weighed.iter().map(|weighed| gather_ground(weighed, &solution.ground)).collect(),
             black: (suns.iter().enumerate())
                 .map(|(i, sun)| {
                     let direct = sun.to_ground(&optics.scaled) - sun.to_ground(&optics.extinction);
@@ -362,33 +397,39 @@ impl Nodes {
                 })
                 .collect(),
             returned: solution.ground.arrives / PI,
-        };
-        let phases: Vec<Vec<f64>> = optics.phases.iter().map(|phase| scattering.values(phase)).collect();
-        weighed.resize_with(rays.len(), Weighed::default);
-        let starts = solution.starts();
-        for (weighed, NodeRay { sight, .. }) in weighed.iter_mut().zip(rays) {
-            weighed.weigh(optics, sight, &starts, fields.draws_by_place(sight));
         }
-        project(weighed, &solution.beams, projected);
-        for (j, (NodeRay { sight, fans, mixes }, weighed)) in rays.iter().zip(weighed).enumerate() {
-            sky.by_ground.push(gather_ground(weighed, &solution.ground));
-            for (i, (fan, (depths, out))) in fans.iter().zip(depths.iter().zip(&mut sky.by_sun)).enumerate() {
-                gather(optics, sight, weighed, fan, depths, &projected[j], all);
-                for (k, mix) in mixes.iter().enumerate() {
-                    let place = i * self.len() + self.index(j, k);
-                    let one = if let [one] = all.as_slice() {
+    }
+
+    /// Puts the light of the suns into the skies of columns at the nodes.
+    fn gather(
+        &self,
+        rays: &[NodeRay],
+        scattering: &Scattering,
+        bundle: &Bundle,
+        depths: &[SunDepths],
+        Workspace { projected, crossed, gathered, mixed, .. }: &mut Workspace,
+        skies: &mut [NodeSky],
+    ) {
+        let phases = scattering.values(bundle);
+        for (j, (NodeRay { sight, fans, mixes }, crossed)) in rays.iter().zip(crossed).enumerate() {
+            for (i, ((fan, set), depths)) in fans.iter().zip(depths).enumerate() {
+                gather(bundle, sight, crossed, fan, depths, &projected[j], gathered);
+                for (k, mix) in mixes[*set].iter().enumerate() {
+                    let node = self.index(j, k);
+                    let place = i * self.len() + node;
+                    let one = if let [one] = gathered.all.as_slice() {
                         one
                     } else {
-                        mixed.mix(all, mix);
+                        mix_azimuths(&gathered.all, mix, mixed);
                         &*mixed
                     };
-                    let value = |phase: usize| phases[phase][place];
-                    let parts = one.parts_of(optics, value, &scattering.turns[place]);
-                    out[self.index(j, k)] = parts.map(|l| l.max(0.0));
+                    let [smooth, peaked] = one.parts_of(bundle, |phase| phases[phase][place], &scattering.turns[place]);
+                    for (lane, sky) in skies.iter_mut().enumerate() {
+                        sky.by_sun[i][node] = [smooth[lane].max(0.0), peaked[lane].max(0.0)];
+                    }
                 }
             }
         }
-        sky
     }
 }
 
@@ -419,27 +460,33 @@ impl Scattering {
         Self { turns, tables }
     }
 
-    /// P at every angle.
-    fn values(&self, phase: &Arc<Phase>) -> Vec<f64> {
-        let mut sums = vec![0.0; self.turns.len()];
-        for (share, part) in phase.parts() {
-            match self.tables.get(&(Arc::as_ptr(&part) as usize)) {
-                Some(table) => sums.iter_mut().zip(table).for_each(|(sum, p)| *sum += share * p),
-                None => {
-                    let turns = sums.iter_mut().zip(&self.turns);
-                    turns.for_each(|(sum, turn)| *sum += share * part.value(turn.cos_scattering));
+    /// P of each phase function of the columns at every angle.
+    fn values(&self, bundle: &Bundle) -> Vec<Vec<Lanes>> {
+        let most = bundle.columns.iter().map(|column| column.phases.len()).max().unwrap_or(0);
+        let mut values = vec![vec![[0.0; LANES]; self.turns.len()]; most];
+        for (lane, column) in bundle.columns.iter().enumerate() {
+            for (sums, phase) in values.iter_mut().zip(&column.phases) {
+                for (share, part) in phase.parts() {
+                    match self.tables.get(&(Arc::as_ptr(&part) as usize)) {
+                        Some(table) => sums.iter_mut().zip(table).for_each(|(sum, p)| sum[lane] += share * p),
+                        None => {
+                            let turns = sums.iter_mut().zip(&self.turns);
+                            turns.for_each(|(sum, turn)| sum[lane] += share * part.value(turn.cos_scattering));
+                        }
+                    }
                 }
             }
         }
-        sums
+        values
     }
 }
 
 /// A ray to a ring of nodes: its suns, and what each node takes of the azimuths that are gathered.
 struct NodeRay {
     sight: Sight,
-    fans: Vec<Fan>,
-    mixes: Vec<Vec<f64>>,
+    /// Each with the azimuths that are gathered.
+    fans: Vec<(Fan, usize)>,
+    mixes: [Vec<Vec<f64>>; GATHERED.len()],
 }
 
 /// Of the angle between two directions of these zenith angles, `azimuth` apart.
@@ -483,42 +530,44 @@ impl Shape {
         let (lattice, fields) = (&lattices.lattices[0], &lattices.fields[0]);
         let mut solution = Solution::default();
         solve_entry(&optics, fields, settings.accuracy, &mut solution);
-        let all = (shells.top(), f64::INFINITY);
-        let rays: Vec<(f64, Sight, Weighed, Vec<Projected>)> = (0..=Self::STEPS)
+        let (all, starts) = ((shells.top(), f64::INFINITY), solution.starts());
+        let rays: Vec<(f64, Sight, Crossed, Vec<Projected>)> = (0..=Self::STEPS)
             .into_par_iter()
             .map(|i| {
                 let zenith = FRAC_PI_2 * i as f64 / Self::STEPS as f64;
                 let streams = settings.streams;
                 let sight = Sight::new(shells, lattice, Look::Up, (0.0, zenith), all, streams, streams);
-                let weighed = [Weighed::new(&optics, &sight, &solution.starts(), fields.draws_by_place(&sight))];
-                let mut projected = Vec::new();
-                project(&weighed, &solution.beams, &mut projected);
-                let [weighed] = weighed;
-                (zenith, sight, weighed, projected.remove(0))
+                let weighed = [Weighed::new(&optics, &sight, &starts, fields.draws_by_place(&sight))];
+                let (mut projected, mut crossed) = (Vec::new(), Crossed::default());
+                project(&weighed, &solution.beams, 0, &mut projected);
+                crossed.take(&weighed[0], 0);
+                (zenith, sight, crossed, projected.remove(0))
             })
             .collect();
+        let bundle = Bundle::new(vec![optics]);
         (zeniths.par_iter().enumerate())
             .map(|(s, sun)| {
                 let own = &lattices.rays[0][s];
-                let depths = own.depths(&optics);
+                let depths = own.depths(&bundle);
                 let mut parts: [[Vec<f64>; 3]; 2] = Default::default();
-                let (mut halo, mut all) = (Vec::new(), Vec::new());
-                for (zenith, sight, weighed, projected) in &rays {
+                let (mut halo, mut basket) = (Vec::new(), Basket::default());
+                for (zenith, sight, crossed, projected) in &rays {
                     let fan = Fan::new(sight, own, fields, s, &FEW);
-                    gather(&optics, sight, weighed, &fan, &depths, projected, &mut all);
+                    gather(&bundle, sight, crossed, &fan, &depths, projected, &mut basket);
+                    let all = &basket.all;
                     for (a, (gathered, azimuth)) in all.iter().zip(FEW).enumerate() {
                         let cos = cosine_between((*zenith, *sun), azimuth);
-                        let [smooth, _] = gathered.parts(&optics, cos, azimuth);
-                        let peaked: f64 = gathered.of_peaked(&optics).map(|(k, _)| k).sum();
+                        let [smooth, _] = gathered.parts(&bundle, cos, azimuth).map(|lanes| lanes[0]);
+                        let peaked: f64 = gathered.of_peaked(&bundle).map(|(k, _)| k).sum();
                         parts[0][a].push(smooth.max(1e-300).ln());
                         // Where the beam is all but gone at this wavelength it need not be at others.
                         parts[1][a].push((peaked + BESIDE * smooth.max(0.0)).max(1e-300).ln());
                     }
                     // At the height of the sun, where the halo counts.
-                    let has_halo = all[0].of_peaked(&optics).any(|(k, _)| k > 0.0);
+                    let has_halo = all[0].of_peaked(&bundle).any(|(k, _)| k > 0.0);
                     if halo.is_empty() && has_halo && *zenith >= sun.min(88f64.to_radians()) {
                         let at = |i: usize| (PI * (i as f64 / Self::HALO as f64).powi(2)).cos();
-                        halo = (0..=Self::HALO).map(|i| all[0].halo(&optics, at(i))).collect();
+                        halo = (0..=Self::HALO).map(|i| all[0].halo(&bundle, at(i))).collect();
                     }
                 }
                 Self { sun: WorldDir::from_zenith_azimuth(*sun, 0.0), halo, parts }
@@ -614,14 +663,15 @@ struct Shared {
     /// By entry: columns and their shares.
     shares: Vec<Vec<(usize, f64)>>,
     lattices: Vec<Arc<Lattice>>,
-    /// Of the columns: optics, lattice, and the field over a shining ground.
-    grounds: Vec<(Optics, usize, Field)>,
+    /// Of the columns, bundle by bundle: optics, lattice, and the fields over a shining ground.
+    grounds: Vec<(Bundle, usize, Vec<Field>)>,
     streams: usize,
     /// Scattering optical depth of each layer at the wavelength of reference.
     usual: Vec<f64>,
     notes: Vec<String>,
 }
 
+#[derive(Clone)]
 struct ColumnSkyState {
     shared: Arc<Shared>,
     sun: Sun,
@@ -634,8 +684,8 @@ struct ColumnSkyState {
     shining: Vec<f64>,
     terms: Vec<Spectrum<Radiance>>,
     sky: Option<(Nodes, Shape)>,
-    /// Of the columns.
-    lit: Arc<Vec<(SunDepths, Field)>>,
+    /// Of the columns, bundle by bundle.
+    lit: Arc<Vec<(SunDepths, Vec<Field>)>>,
     /// What the air at the ground sends into directions, as far as they were asked for, at every entry.
     near: Vec<OnceLock<Vec<Source>>>,
 }
@@ -648,6 +698,71 @@ const NEAR_AZIMUTHS: usize = 72;
 const NEAR_HEIGHT: f64 = 60.0;
 const NEAR_LENGTH: f64 = 600.0;
 const NEAR_DEPTH: f64 = 0.1;
+
+/// Entries whose nodes are put together.
+const TOGETHER: usize = 8;
+
+/// Brings the radiances of the columns to every entry, under one sun over several grounds.
+fn put_sky(
+    states: &mut [ColumnSkyState],
+    nodes: &Nodes,
+    shape: &Shape,
+    skies: &[NodeSky],
+    place: usize,
+    fluxes: &[Fluxes],
+) {
+    let Some(first) = states.first() else { return };
+    let shared = Arc::clone(&first.shared);
+    let parts = if shape.halo.is_empty() { 1 } else { 2 };
+    let per = |x: f64| if x > 1e-200 { 1.0 / x } else { 0.0 };
+    // L/E_d and L_g-light/S of the columns: by the sun at every node, part by part; by the ground at every zenith angle.
+    let mixed = shared.shares.iter().any(|shares| shares.len() > 1);
+    let by_sun: Vec<Shares> = (skies.iter())
+        .map(|sky| Shares::new(sky.by_sun[place].iter().flatten().map(|l| l * per(sky.black[place])), mixed))
+        .collect();
+    let by_ground: Vec<Shares> =
+        skies.iter().map(|sky| Shares::new(sky.by_ground.iter().map(|l| l * per(sky.returned)), mixed)).collect();
+    // Over the whole, by node and part.
+    let mut scales = vec![0.0; parts * nodes.len()];
+    for (j, zenith) in nodes.zeniths.iter().enumerate() {
+        for (k, azimuth) in nodes.ring(j).iter().enumerate() {
+            let outside = shape.outside(*zenith, *azimuth, TIP);
+            (0..parts).for_each(|part| scales[part * nodes.len() + nodes.index(j, k)] = per(outside[part]));
+        }
+    }
+    let mut terms: Vec<Vec<Vec<f64>>> = states.iter().map(|_| vec![vec![0.0; fluxes.len()]; scales.len()]).collect();
+    let mut together = vec![(Vec::new(), Vec::new()); TOGETHER];
+    for (chunk, some) in shared.shares.chunks(TOGETHER).enumerate() {
+        for ((of_sun, of_ground), shares) in together.iter_mut().zip(some) {
+            mix(&by_sun, shares, of_sun);
+            mix(&by_ground, shares, of_ground);
+        }
+        for (state, terms) in states.iter().zip(&mut terms) {
+            let amounts: [_; TOGETHER] = std::array::from_fn(|e| {
+                let i = (chunk * TOGETHER + e).min(fluxes.len() - 1);
+                (state.solar[i] * state.black[i], state.shining[i] * fluxes[i].returned)
+            });
+            for j in 0..nodes.zeniths.len() {
+                for k in 0..nodes.ring(j).len() {
+                    let node = nodes.index(j, k);
+                    for part in 0..parts {
+                        let place = part * nodes.len() + node;
+                        let entries = &mut terms[place][chunk * TOGETHER..][..some.len()];
+                        for (e, term) in entries.iter_mut().enumerate() {
+                            let (of_sun, of_ground) = &together[e];
+                            let from_ground = if part == 0 { amounts[e].1 * of_ground[j] } else { 0.0 };
+                            *term = (amounts[e].0 * of_sun[2 * node + part] + from_ground) * scales[place];
+                        }
+                    }
+                }
+            }
+        }
+    }
+    for (state, terms) in states.iter_mut().zip(terms) {
+        state.terms = terms.into_iter().map(Spectrum::new).collect();
+        state.sky = Some((nodes.clone(), shape.clone()));
+    }
+}
 
 impl ColumnSkyState {
     fn dark(shared: &Arc<Shared>, solar: &[f64], sun: &Sun, n: usize) -> Self {
@@ -677,47 +792,6 @@ impl ColumnSkyState {
         }
     }
 
-    /// Brings the radiances of the columns to every entry.
-    fn put_sky(&mut self, nodes: &Nodes, shape: Shape, skies: &[NodeSky], place: usize, fluxes: &[Fluxes]) {
-        let peaked = !shape.halo.is_empty();
-        let parts = if peaked { 2 } else { 1 };
-        let mut terms = vec![Vec::with_capacity(self.black.len()); parts * nodes.len()];
-        let per = |x: f64| if x > 1e-200 { 1.0 / x } else { 0.0 };
-        // L/E_d and L_g-light/S of the columns: by the sun at every node, part by part; by the ground at every zenith angle.
-        let mixed = self.shared.shares.iter().any(|shares| shares.len() > 1);
-        let by_sun: Vec<Shares> = (skies.iter())
-            .map(|sky| Shares::new(sky.by_sun[place].iter().flatten().map(|l| l * per(sky.black[place])), mixed))
-            .collect();
-        let by_ground: Vec<Shares> =
-            skies.iter().map(|sky| Shares::new(sky.by_ground.iter().map(|l| l * per(sky.returned)), mixed)).collect();
-        let (mut of_sun, mut of_ground) = (Vec::new(), Vec::new());
-        for (i, shares) in self.shared.shares.iter().enumerate() {
-            mix(&by_sun, shares, &mut of_sun);
-            mix(&by_ground, shares, &mut of_ground);
-            let (sun, ground) = (self.solar[i] * self.black[i], self.shining[i] * fluxes[i].returned);
-            for (j, from_ground) in of_ground.iter().enumerate() {
-                for k in 0..nodes.ring(j).len() {
-                    let node = nodes.index(j, k);
-                    terms[node].push(sun * of_sun[2 * node] + ground * from_ground);
-                    if peaked {
-                        terms[nodes.len() + node].push(sun * of_sun[2 * node + 1]);
-                    }
-                }
-            }
-        }
-        for (j, zenith) in nodes.zeniths.iter().enumerate() {
-            for (k, azimuth) in nodes.ring(j).iter().enumerate() {
-                let node = nodes.index(j, k);
-                for (part, whole) in shape.outside(*zenith, *azimuth, TIP).into_iter().enumerate().take(parts) {
-                    let scale = per(whole);
-                    terms[part * nodes.len() + node].iter_mut().for_each(|l| *l *= scale);
-                }
-            }
-        }
-        self.terms = terms.into_iter().map(Spectrum::new).collect();
-        self.sky = Some((nodes.clone(), shape));
-    }
-
     /// What every column gives along a path that rises from `low` towards `towards`.
     fn along(
         &self,
@@ -725,7 +799,7 @@ impl ColumnSkyState {
         towards: WorldDir,
         (low, high): (f64, f64),
         (end, length): (f64, f64),
-        crossed: &[(usize, f64)],
+        crossed_layers: &[(usize, f64)],
     ) -> Along {
         let shared = &*self.shared;
         let zenith = towards.zenith().min(FRAC_PI_2);
@@ -736,7 +810,7 @@ impl ColumnSkyState {
         let sun = self.sun.true_zenith;
         let cos_sun = cosine_between((zenith, sun), turn);
         let cos_scattering = if looks_down { -cos_sun } else { cos_sun };
-        let orders = self.lit.iter().map(|(_, field)| field.orders()).max().unwrap_or(1);
+        let orders = self.lit.iter().flat_map(|(_, fields)| fields).map(Field::orders).max().unwrap_or(1);
         let ray = |lattice: &Arc<Lattice>, from: f64, until: (f64, f64)| {
             let sight = Sight::new(&shared.shells, lattice, look, (from, zenith), until, shared.streams, orders);
             let fan = Fan::alone(&sight, sun, &self.lit[0].0, turn);
@@ -747,37 +821,47 @@ impl ColumnSkyState {
         let (from, to) = if looks_down { (0.0, low) } else { (high, shared.shells.top()) };
         let behind: Vec<Option<(Sight, Fan)>> =
             shared.lattices.iter().map(|l| (to > from).then(|| ray(l, from, (to, f64::INFINITY)))).collect();
-        let mut workspace = Workspace::default();
-        let mut seen = |(sight, fan): &(Sight, Fan), optics: &Optics, ground: &Field, lit: &(SunDepths, Field)| {
-            workspace.weighed.resize_with(1, Weighed::default);
-            workspace.weighed[0].weigh(optics, sight, &lit.1.starts(), false);
-            let Workspace { weighed, projected, gathered, .. } = &mut workspace;
-            project(weighed, std::slice::from_ref(&lit.1), projected);
-            let weighed = &weighed[0];
-            gather(optics, sight, weighed, fan, &lit.0, &projected[0], gathered);
-            let by_sun = gathered[0].radiance(optics, cos_scattering, between);
-            (by_sun, gather_ground(weighed, ground), weighed.transmittance())
-        };
-        let to_sun = self.to_sun(crossed, (low, high));
-        let columns = (shared.grounds.iter().zip(self.lit.iter()))
-            .map(|((optics, lattice, ground), lit)| {
-                let through = |of: &dyn Fn(usize) -> f64| crossed.iter().map(|(layer, s)| of(*layer) * s).sum::<f64>();
+        let Workspace { mut weighed, mut projected, mut gathered, .. } = Workspace::default();
+        weighed.resize_with(1, Weighed::default);
+        let mut crossed = Crossed::default();
+        // By the sun, by a ground of radiance 1, and what comes through.
+        let mut seen =
+            |(sight, fan): &(Sight, Fan), bundle: &Bundle, grounds: &[Field], lit: &(SunDepths, Vec<Field>)| {
+                let mut lanes = [[0.0; LANES]; 3];
+                for (lane, optics) in bundle.columns.iter().enumerate() {
+                    let (field, ground) = (&lit.1[lane], &grounds[lane]);
+                    weighed[0].weigh(optics, sight, &field.starts(), false);
+                    crossed.take(&weighed[0], lane);
+                    project(&weighed, std::slice::from_ref(field), lane, &mut projected);
+                    (lanes[1][lane], lanes[2][lane]) = (gather_ground(&weighed[0], ground), weighed[0].transmittance());
+                }
+                gather(bundle, sight, &crossed, fan, &lit.0, &projected[0], &mut gathered);
+                lanes[0] = gathered.all[0].radiance(bundle, cos_scattering, between);
+                lanes
+            };
+        let to_sun = self.to_sun(crossed_layers, (low, high));
+        let mut columns = Vec::new();
+        for ((bundle, lattice, grounds), lit) in shared.grounds.iter().zip(self.lit.iter()) {
+            let [by_sun, by_ground, _] = seen(&rays[*lattice], bundle, grounds, lit);
+            let [sun_behind, ground_behind, through_behind] = match &behind[*lattice] {
+                Some(ray) => seen(ray, bundle, grounds, lit),
+                None => [[0.0; LANES], [0.0; LANES], [1.0; LANES]],
+            };
+            for (lane, optics) in bundle.columns.iter().enumerate() {
+                let through =
+                    |of: &dyn Fn(usize) -> f64| crossed_layers.iter().map(|(layer, s)| of(*layer) * s).sum::<f64>();
                 let scattered = through(&|layer| optics.scattered(layer));
                 let gathers = scattered * mean_passed(through(&|layer| optics.extinction[layer]));
                 let absorbed = |(layer, s): &(usize, f64)| (optics.extinction[*layer] - optics.scattered(*layer)) * s;
-                let (by_sun, by_ground, _) = seen(&rays[*lattice], optics, ground, lit);
-                let (sun_behind, ground_behind, through) = match &behind[*lattice] {
-                    Some(ray) => seen(ray, optics, ground, lit),
-                    None => (0.0, 0.0, 1.0),
-                };
-                let ground_behind = if looks_down { ground_behind + through } else { ground_behind };
+                let lit_ground = if looks_down { through_behind[lane] } else { 0.0 };
                 let per = if gathers > 1e-200 { 1.0 / gathers } else { 0.0 };
-                let mut logs = [by_sun * per, by_ground * per, sun_behind, ground_behind]
-                    .map(|value| value.clamp(1e-300, 1e200).ln());
+                let own = [by_sun[lane] * per, by_ground[lane] * per];
+                let behind = [sun_behind[lane], ground_behind[lane] + lit_ground];
+                let mut logs = [own[0], own[1], behind[0], behind[1]].map(|value| value.clamp(1e-300, 1e200).ln());
                 logs[0] += to_sun.iter().map(absorbed).sum::<f64>();
-                logs
-            })
-            .collect();
+                columns.push(logs);
+            }
+        }
         Along { columns, to_sun }
     }
 
@@ -865,6 +949,7 @@ struct Along {
 }
 
 /// Where the light of a path comes from.
+#[derive(Clone)]
 struct Source {
     /// L_u over what scatters along it, each part by the mean of what passes.
     own: f64,

@@ -127,6 +127,70 @@ impl Optics {
     }
 }
 
+/// Columns gathered side by side.
+pub(crate) const LANES: usize = 4;
+/// What each of them has.
+pub(crate) type Lanes = [f64; LANES];
+
+/// Up to so many columns cut alike, side by side; what lanes beyond them have is 0.
+#[derive(Clone, Debug)]
+pub(crate) struct Bundle {
+    pub columns: Vec<Optics>,
+    /// Of each layer \[m⁻¹\]: delta-scaled extinction, and scattering by peaked scatterers.
+    scaled: Vec<Lanes>,
+    tail: Vec<Lanes>,
+    /// Scattering of each layer by phase function \[m⁻¹\], layer by layer.
+    scattering: Vec<Lanes>,
+    phases: usize,
+    /// 1 where delta-M takes a peak from a phase function, 0 elsewhere.
+    peaked: Vec<Lanes>,
+    /// Whether any has a tail.
+    twice: bool,
+}
+
+impl Bundle {
+    pub fn new(columns: Vec<Optics>) -> Self {
+        let phases = columns.iter().map(|column| column.phases.len()).max().unwrap_or(0);
+        let layers = columns.first().map_or(0, |column| column.layers.len());
+        let mut bundle = Self {
+            scaled: vec![[0.0; LANES]; layers],
+            tail: vec![[0.0; LANES]; layers],
+            scattering: vec![[0.0; LANES]; layers * phases],
+            phases,
+            peaked: vec![[0.0; LANES]; phases],
+            twice: columns.iter().any(|column| column.twice.is_some()),
+            columns: Vec::new(),
+        };
+        for (lane, column) in columns.iter().enumerate() {
+            for layer in 0..layers {
+                bundle.scaled[layer][lane] = column.scaled[layer];
+                bundle.tail[layer][lane] = column.tail[layer];
+                let to = bundle.scattering[layer * phases..].iter_mut();
+                to.zip(column.scattering(layer)).for_each(|(to, beta)| to[lane] = *beta);
+            }
+            for (to, _) in bundle.peaked.iter_mut().zip(&column.peaked).filter(|(_, peaked)| **peaked) {
+                to[lane] = 1.0;
+            }
+        }
+        bundle.columns = columns;
+        bundle
+    }
+
+    /// Bundles of columns one after another, each of one place: that of its lattice.
+    pub fn of(columns: Vec<Optics>, places: &[usize]) -> Vec<(usize, Self)> {
+        let mut columns = columns.into_iter();
+        let alike = places.chunk_by(|a, b| a == b).flat_map(|alike| alike.chunks(LANES));
+        alike.map(|some| (some[0], Self::new(columns.by_ref().take(some.len()).collect()))).collect()
+    }
+
+    /// What each column has of something.
+    pub fn each(&self, mut of: impl FnMut(&Optics) -> f64) -> Lanes {
+        let mut lanes = [0.0; LANES];
+        lanes.iter_mut().zip(&self.columns).for_each(|(lane, column)| *lane = of(column));
+        lanes
+    }
+}
+
 /// Scatterers whose moment χ_N is less have no tail worth a second order.
 const PEAKED: f64 = 1e-5;
 
@@ -317,13 +381,45 @@ wide_too! {
     }
 }
 
+wide_too! {
+    /// The same of several columns.
+    fn depths_abreast(lengths: &[Option<&[f64]>], extinction: &[Lanes]) -> Vec<Lanes> {
+        let mut depths = Vec::with_capacity(lengths.len());
+        for lengths in lengths {
+            let Some(lengths) = lengths else {
+                depths.push([BLOCKED; LANES]);
+                continue;
+            };
+            // Two sums side by side.
+            let mut sums = [[0.0; LANES]; 2];
+            for (lengths, extinction) in lengths.chunks(2).zip(extinction.chunks(2)) {
+                for (sum, (length, extinction)) in sums.iter_mut().zip(lengths.iter().zip(extinction)) {
+                    for lane in 0..LANES {
+                        sum[lane] += length * extinction[lane];
+                    }
+                }
+            }
+            depths.push(std::array::from_fn(|lane| sums[0][lane] + sums[1][lane]));
+        }
+        depths
+    }
+}
+
 impl SunRays {
     pub fn new(shells: &Shells, lattice: &Lattice, zenith: f64) -> Self {
         let offsets = Offsets::new(shells, lattice, zenith);
         let mut lengths = Vec::new();
         for (level, height) in lattice.levels.iter().enumerate() {
+            let mut lift = 0.0;
             for offset in offsets.of(level) {
-                lengths.push(shells.towards_sun(*height, (zenith + offset.to_radians()).abs().min(PI)));
+                let zenith = (zenith + offset.to_radians()).abs().min(PI);
+                let mut towards = shells.towards_sun_lifted(*height, zenith, &mut lift);
+                if let Some(lengths) = &mut towards {
+                    // Layers below the ray.
+                    let crossed = lengths.iter().rposition(|length| *length > 0.0).map_or(0, |last| last + 1);
+                    lengths.truncate(crossed);
+                }
+                lengths.push(towards);
             }
         }
         Self { zenith, offsets: Arc::new(offsets), lengths }
@@ -336,12 +432,17 @@ impl SunRays {
     }
 
     /// Scaled optical depths towards the sun, and those of the peaked scatterers.
-    pub fn depths(&self, optics: &Optics) -> SunDepths {
-        let levels = 0..self.offsets.rows.len();
-        let own = |level| depth_along(&self.lengths[self.offsets.own(level)], &optics.tail).min(1e3);
-        let tail = if optics.twice.is_some() { levels.map(own).collect() } else { Vec::new() };
-        let depths = depths_along(&self.lengths, &optics.scaled);
-        SunDepths { offsets: Arc::clone(&self.offsets), from: 0, depths, tail }
+    pub fn depths(&self, bundle: &Bundle) -> SunDepths {
+        let mut tail = Vec::new();
+        if bundle.twice {
+            let own = |level| self.lengths[self.offsets.own(level)].as_deref();
+            tail = depths_abreast(&(0..self.offsets.rows.len()).map(own).collect::<Vec<_>>(), &bundle.tail);
+            tail.as_flattened_mut().iter_mut().for_each(|depth| *depth = depth.min(1e3));
+        }
+        let all: Vec<_> = self.lengths.iter().map(Option::as_deref).collect();
+        let depths = depths_abreast(&all, &bundle.scaled);
+        let blocked = depths.iter().map(|lanes| lanes.iter().any(|depth| *depth >= BLOCKED)).collect();
+        SunDepths { offsets: Arc::clone(&self.offsets), from: 0, depths, blocked, tail }
     }
 }
 
@@ -354,39 +455,63 @@ pub(crate) struct SunDepths {
     offsets: Arc<Offsets>,
     /// Of the levels from this one down.
     from: usize,
-    depths: Vec<f64>,
+    depths: Vec<Lanes>,
+    /// Where in any lane nothing gets through.
+    blocked: Vec<bool>,
     /// Scattering optical depths of the peaked scatterers, by level; empty without.
-    tail: Vec<f64>,
+    tail: Vec<Lanes>,
 }
 
 impl SunDepths {
-    /// Those of the levels from a part down.
-    pub fn below(&self, first: usize) -> Self {
+    /// Those of the levels from one down.
+    pub fn below(&self, level: usize) -> Self {
         Self {
             offsets: Arc::clone(&self.offsets),
-            from: 2 * first,
-            depths: self.depths[self.offsets.rows[2 * first].0..].to_vec(),
-            tail: self.tail.iter().skip(2 * first).copied().collect(),
+            from: level,
+            depths: self.depths[self.offsets.rows[level].0..].to_vec(),
+            blocked: self.blocked[self.offsets.rows[level].0..].to_vec(),
+            tail: self.tail.iter().skip(level).copied().collect(),
         }
     }
 
     /// At a point of a ray for the sun that stands over it: by a parabola between the suns of each level.
     #[inline(always)]
-    fn at(&self, looked_up: &[SunAt]) -> f64 {
-        let mut sum = 0.0;
+    fn at(&self, looked_up: &[SunAt]) -> Lanes {
+        let mut sum = [0.0; LANES];
+        let last = self.depths.len() - 1;
         for sun in looked_up {
-            let [a, b, c] = [0, 1, 2].map(|i| self.depths[(sun.first + i).min(self.depths.len() - 1)]);
-            // Beside the shadow of the Earth: the nearest.
-            sum += match a.max(b).max(c) < BLOCKED {
-                true => sun.shares[0] * a + sun.shares[1] * b + sun.shares[2] * c,
-                false => sun.level_share * [a, b, c][sun.nearest],
-            };
+            let places = [0, 1, 2].map(|i| (sun.first as usize + i).min(last));
+            let [a, b, c] = places.map(|place| &self.depths[place]);
+            if places.iter().any(|place| self.blocked[*place]) {
+                // Beside the shadow of the Earth: the nearest.
+                let nearest = &self.depths[places[usize::from(sun.nearest)]];
+                for lane in 0..LANES {
+                    let between = sun.shares[0] * a[lane] + sun.shares[1] * b[lane] + sun.shares[2] * c[lane];
+                    let lit = a[lane].max(b[lane]).max(c[lane]) < BLOCKED;
+                    sum[lane] += if lit { between } else { sun.level_share * nearest[lane] };
+                }
+                continue;
+            }
+            for lane in 0..LANES {
+                sum[lane] += sun.shares[0] * a[lane] + sun.shares[1] * b[lane] + sun.shares[2] * c[lane];
+            }
         }
-        sum.max(0.0)
+        for depth in &mut sum {
+            *depth = if *depth > 0.0 { *depth } else { 0.0 };
+        }
+        sum
     }
 
-    fn tail_at(&self, point: &Point) -> f64 {
-        point.levels().map(|(level, share)| share * self.tail[level.saturating_sub(self.from)]).sum()
+    #[inline(always)]
+    fn tail_at(&self, point: &Point) -> Lanes {
+        let mut sum = [0.0; LANES];
+        for (level, share) in point.levels() {
+            let tail = &self.tail[level.saturating_sub(self.from)];
+            for lane in 0..LANES {
+                sum[lane] += share * tail[lane];
+            }
+        }
+        sum
     }
 }
 
@@ -627,10 +752,10 @@ impl Point {
 /// their shares.
 #[derive(Clone, Copy, Debug, Default)]
 struct SunAt {
-    first: usize,
     shares: [f64; 3],
+    first: u32,
     /// Which of the three is the nearest.
-    nearest: usize,
+    nearest: u8,
     /// The share of the level, which those of the suns add up to.
     level_share: f64,
 }
@@ -641,13 +766,13 @@ impl SunAt {
         let (start, reach) = offsets.rows[level.max(from)];
         let start = start - offsets.rows[from].0;
         if reach == 0 {
-            return Self { first: start, shares: [level_share, 0.0, 0.0], nearest: 0, level_share };
+            return Self { first: start as u32, shares: [level_share, 0.0, 0.0], nearest: 0, level_share };
         }
         let middle = (steps.round() as i32).clamp(1 - reach as i32, reach as i32 - 1);
         let t = steps - f64::from(middle);
-        let nearest = if t < -0.5 { 0 } else { 1 + usize::from(t > 0.5) };
+        let nearest = if t < -0.5 { 0 } else { 1 + u8::from(t > 0.5) };
         let shares = [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)].map(|share| level_share * share);
-        Self { first: (start as i32 + reach as i32 + middle - 1) as usize, shares, nearest, level_share }
+        Self { first: (start as i32 + reach as i32 + middle - 1) as u32, shares, nearest, level_share }
     }
 }
 
@@ -747,10 +872,8 @@ pub(crate) struct Weighed {
     /// What c_l^m counts for, by m, level and l, at the levels where fields have it; of so many orders.
     kernel: Vec<Vec<f64>>,
     orders: usize,
-    /// Where light is told apart by the place it comes from: the place before each level, and its share of the kernel; the
-    /// rest is that of the next.
-    places: Vec<usize>,
-    near: Vec<Vec<f64>>,
+    /// Where light is told apart by the place it comes from: the place before each level, and the share of the next.
+    places: Vec<(usize, f64)>,
     /// Between the points: half of what peaked scatterers scatter \[m⁻¹\], and q_ray.
     tail: (Vec<f64>, Vec<f64>),
 }
@@ -817,10 +940,8 @@ impl Weighed {
         self.orders = orders;
         self.kernel.resize_with(orders.max(self.kernel.len()), Vec::new);
         self.places.clear();
-        let mut shares = Vec::new();
         if by_place {
-            (self.places, shares) = self.centres.iter().map(|centre| place(*centre)).unzip();
-            self.near.resize_with(orders.max(self.near.len()), Vec::new);
+            self.places.extend(self.centres.iter().map(|centre| place(*centre)));
         }
         let mut from = 0;
         for (m, kernel) in self.kernel[..orders].iter_mut().enumerate() {
@@ -832,14 +953,6 @@ impl Weighed {
             }
             weigh_order(kernel, &meetings, &coefficients, &Window { streams, m, from, start }, sight);
             from += sight.streams - m;
-            if by_place {
-                let near = &mut self.near[m];
-                near.resize(count * width, 0.0);
-                let rows = near.chunks_mut(width).zip(kernel.chunks(width)).zip(&shares);
-                for ((near, row), t) in rows.skip(start) {
-                    near.iter_mut().zip(row).for_each(|(near, k)| *near = (1.0 - t) * k);
-                }
-            }
         }
     }
 
@@ -905,12 +1018,15 @@ wide_too! {
 }
 
 wide_too! {
-    /// What rays draw from fields, by ray and field, in the place of what they drew before.
-    pub(crate) fn project(rays: &[Weighed], fields: &[Field], out: &mut Vec<Vec<Projected>>) {
+    /// What rays draw from the fields of the column in a lane, by ray and field, in the place of what they drew before;
+    /// columns come in the order of their lanes.
+    pub(crate) fn project(rays: &[Weighed], fields: &[Field], lane: usize, out: &mut Vec<Vec<Projected>>) {
         out.resize_with(rays.len(), Vec::new);
         for out in out.iter_mut() {
             out.resize_with(fields.len(), Projected::default);
-            out.iter_mut().for_each(|one| one.orders.clear());
+            if lane == 0 {
+                out.iter_mut().for_each(Projected::clear);
+            }
         }
         let mut whole: Vec<usize> = Vec::with_capacity(rays.len());
         for (r, ray) in rays.iter().enumerate() {
@@ -918,38 +1034,46 @@ wide_too! {
                 whole.push(r);
                 continue;
             }
-            for (field, out) in fields.iter().zip(&mut out[r]) {
-                by_place(ray, field, &mut out.places);
+            for (fields, out) in fields.chunks(4).zip(out[r].chunks_mut(4)) {
+                if let (Some(fields), Some(out)) = (fields.as_array::<4>(), out.as_mut_array::<4>()) {
+                    by_place(ray, fields.each_ref(), lane, out.each_mut());
+                } else {
+                    fields.iter().zip(out).for_each(|(field, out)| by_place(ray, [field], lane, [out]));
+                }
             }
         }
         // Four rays and two fields at a time, which share what is read.
         for some in whole.chunks(4) {
             for (f, pair) in fields.chunks(2).enumerate() {
                 match (some, pair) {
-                    (&[a, b, c, d], [first, second]) => block([a, b, c, d], rays, [first, second], 2 * f, out),
-                    (&[a, b, c, d], [only]) => block([a, b, c, d], rays, [only], 2 * f, out),
+                    (&[a, b, c, d], [first, second]) => block([a, b, c, d], rays, [first, second], (2 * f, lane), out),
+                    (&[a, b, c, d], [only]) => block([a, b, c, d], rays, [only], (2 * f, lane), out),
                     _ => some.iter().for_each(|r| {
-                        (pair.iter().enumerate()).for_each(|(i, field)| block([*r], rays, [field], 2 * f + i, out));
+                        (pair.iter().enumerate()).for_each(|(i, field)| block([*r], rays, [field], (2 * f + i, lane), out));
                     }),
                 }
             }
         }
         for r in whole {
-            for (field, out) in fields.iter().zip(&mut out[r]) {
-                out.places.clear();
-                out.centre = centre(&rays[r], field);
+            for (fields, out) in fields.chunks(4).zip(out[r].chunks_mut(4)) {
+                if let Some(fields) = fields.as_array::<4>() {
+                    let centres = centres(&rays[r], fields.each_ref());
+                    out.iter_mut().zip(centres).for_each(|(out, centre)| out.centre[lane] = centre);
+                } else {
+                    out.iter_mut().zip(fields).for_each(|(out, field)| [out.centre[lane]] = centres(&rays[r], [field]));
+                }
             }
         }
     }
 }
 
-/// What some rays draw from some fields, of which the first is the `f`th.
+/// What some rays draw from some fields of the column in a lane, of which the first is the `f`th.
 #[inline(always)]
 fn block<const R: usize, const F: usize>(
     of: [usize; R],
     rays: &[Weighed],
     fields: [&Field; F],
-    f: usize,
+    (f, lane): (usize, usize),
     out: &mut [Vec<Projected>],
 ) {
     let orders = |r: usize, field: &Field| rays[of[r]].orders_of(field);
@@ -963,54 +1087,91 @@ fn block<const R: usize, const F: usize>(
             let kernels = std::array::from_fn(|r| rays[of[r]].beside(fields[0], m).1[0]);
             let sums: [[f64; F]; R] = dots(kernels, fields.map(|field| rays[of[0]].beside(field, m).1[1]));
             for (sums, r) in sums.iter().zip(of) {
-                sums.iter().enumerate().for_each(|(i, sum)| out[r][f + i].orders.push(*sum));
+                sums.iter().enumerate().for_each(|(i, sum)| *out[r][f + i].order(m, lane) = *sum);
             }
             continue;
         }
         for r in 0..R {
             for (i, field) in fields.iter().enumerate().filter(|(_, field)| m < orders(r, field)) {
                 let (_, [kernel, rows]) = rays[of[r]].beside(field, m);
-                out[of[r]][f + i].orders.push(dot(kernel, rows));
+                *out[of[r]][f + i].order(m, lane) = dot(kernel, rows);
             }
         }
     }
 }
 
-/// What a ray draws from a field by place and order.
+/// What a ray draws from some fields at an order, level by level.
 #[inline(always)]
-fn by_place(ray: &Weighed, field: &Field, sums: &mut Vec<f64>) {
-    let orders = ray.orders_of(field);
-    sums.clear();
-    sums.resize(PLACES * orders, 0.0);
-    for m in 0..orders {
-        let (lacks, [kernel, rows]) = ray.beside(field, m);
-        let width = field.order_width(m);
-        let near = &ray.near[m][lacks * width..];
-        let mut next = 0;
-        for places in ray.places[lacks..].chunk_by(|a, b| a == b) {
-            let range = next * width..(next + places.len()) * width;
-            next += places.len();
-            let [[all], [near]] = dots([&kernel[range.clone()], &near[range.clone()]], [&rows[range]]);
-            sums[places[0] * orders + m] += near;
-            sums[(places[0] + 1) * orders + m] += all - near;
-        }
+fn by_level<const F: usize>(ray: &Weighed, fields: [&Field; F], m: usize, mut each: impl FnMut(usize, [f64; F])) {
+    let beside = fields.map(|field| ray.beside(field, m));
+    let width = fields[0].order_width(m);
+    let (lacks, [kernel, _]) = beside[0];
+    for (level, kernel) in kernel.chunks_exact(width).enumerate() {
+        let rows = beside.map(|(_, [_, rows])| &rows[level * width..][..width]);
+        let [lights] = dots([kernel], rows);
+        each(lacks + level, lights);
     }
 }
 
-/// Mean angle at the Earth's centre of where a ray draws light of the order 0 from \[rad\].
+/// Whether some fields have an order at the same levels.
+fn alike_at(ray: &Weighed, fields: &[&Field], m: usize) -> bool {
+    fields.iter().all(|field| m < ray.orders_of(field) && field.order(m).0 == fields[0].order(m).0)
+}
+
+/// What a ray draws from some fields by order and place.
 #[inline(always)]
-fn centre(ray: &Weighed, field: &Field) -> f64 {
-    let (mut light, mut moment) = (0.0, 0.0);
-    if ray.orders_of(field) > 0 && ray.centres.iter().any(|centre| *centre > 0.0) {
-        let (lacks, [kernel, rows]) = ray.beside(field, 0);
-        let width = field.order_width(0);
-        for ((kernel, row), centre) in kernel.chunks(width).zip(rows.chunks(width)).zip(&ray.centres[lacks..]) {
-            let own = dot(kernel, row).abs();
-            light += own;
-            moment += own * centre;
-        }
+fn by_place<const F: usize>(ray: &Weighed, fields: [&Field; F], lane: usize, mut out: [&mut Projected; F]) {
+    let orders = fields.map(|field| ray.orders_of(field));
+    let reach = ray.places.iter().map(|(place, _)| place + 2).max().unwrap_or(0);
+    for (out, orders) in out.iter_mut().zip(orders) {
+        out.reach = out.reach.max(reach);
+        out.places.resize(orders.max(out.places.len()), [[0.0; LANES]; PLACES]);
     }
-    if light > 0.0 { moment / light } else { 0.0 }
+    for m in 0..orders.into_iter().max().unwrap_or(0) {
+        if !alike_at(ray, &fields, m) {
+            for f in (0..F).filter(|f| m < orders[*f]) {
+                place_order(ray, [fields[f]], (m, lane), [&mut *out[f]]);
+            }
+            continue;
+        }
+        place_order(ray, fields, (m, lane), out.each_mut().map(|out| &mut **out));
+    }
+}
+
+/// One order of it.
+#[inline(always)]
+fn place_order<const F: usize>(
+    ray: &Weighed,
+    fields: [&Field; F],
+    (m, lane): (usize, usize),
+    out: [&mut Projected; F],
+) {
+    let mut sums = [[0.0; F]; PLACES];
+    by_level(ray, fields, m, |level, lights| {
+        let (place, share) = ray.places[level];
+        for f in 0..F {
+            sums[place][f] += (1.0 - share) * lights[f];
+            sums[place + 1][f] += share * lights[f];
+        }
+    });
+    for (f, out) in out.into_iter().enumerate() {
+        out.places[m].iter_mut().zip(&sums).for_each(|(place, sums)| place[lane] = sums[f]);
+    }
+}
+
+/// Mean angle at the Earth's centre of where a ray draws light of the order 0 of each field from \[rad\].
+#[inline(always)]
+fn centres<const F: usize>(ray: &Weighed, fields: [&Field; F]) -> [f64; F] {
+    let (mut light, mut moment) = ([0.0; F], [0.0; F]);
+    if alike_at(ray, &fields, 0) && ray.centres.iter().any(|centre| *centre > 0.0) {
+        by_level(ray, fields, 0, |level, lights| {
+            for f in 0..F {
+                light[f] += lights[f].abs();
+                moment[f] += lights[f].abs() * ray.centres[level];
+            }
+        });
+    }
+    std::array::from_fn(|f| if light[f] > 0.0 { moment[f] / light[f] } else { 0.0 })
 }
 
 /// Orders of which a row of Legendre functions holds all degrees.
@@ -1018,15 +1179,34 @@ fn orders_in(length: usize, streams: usize) -> usize {
     (0..=streams).find(|m| (0..*m).map(|k| streams - k).sum::<usize>() >= length).unwrap_or(0)
 }
 
-/// What a ray draws from one field.
+/// What a ray draws from one field of each column.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Projected {
     /// By order.
-    orders: Vec<f64>,
-    /// By place and order, where that was wanted instead.
-    places: Vec<f64>,
+    orders: Vec<Lanes>,
+    /// By order and place, where that was wanted instead; so many places have light.
+    places: Vec<[Lanes; PLACES]>,
+    reach: usize,
     /// Mean angle at the Earth's centre of where the light comes from \[rad\].
-    centre: f64,
+    centre: Lanes,
+}
+
+impl Projected {
+    fn clear(&mut self) {
+        self.orders.clear();
+        self.places.clear();
+        self.reach = 0;
+        self.centre = [0.0; LANES];
+    }
+
+    /// That of an order.
+    #[inline(always)]
+    fn order(&mut self, m: usize, lane: usize) -> &mut f64 {
+        if m >= self.orders.len() {
+            self.orders.resize(m + 1, [0.0; LANES]);
+        }
+        &mut self.orders[m][lane]
+    }
 }
 
 /// A ray flatter than this sees the sun change along its way \[cosine\]; for others the sun of the mean place serves.
@@ -1067,146 +1247,228 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
 /// before by each order without its cos mΔφ; and the second order of the peaked ones without its K(Θ).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Gathered {
-    pub once: Vec<f64>,
-    pub orders: Vec<f64>,
-    pub twice: f64,
+    pub once: Vec<Lanes>,
+    pub orders: Vec<Lanes>,
+    pub twice: Lanes,
 }
 
 impl Gathered {
     /// L at a scattering angle Θ and an azimuth Δφ \[rad\] between the directions in which beam and light travel.
-    pub fn radiance(&self, optics: &Optics, cos_scattering: f64, azimuth: f64) -> f64 {
-        let [smooth, peaked] = self.parts(optics, cos_scattering, azimuth);
-        (smooth + peaked).max(0.0)
+    pub fn radiance(&self, bundle: &Bundle, cos_scattering: f64, azimuth: f64) -> Lanes {
+        let [smooth, peaked] = self.parts(bundle, cos_scattering, azimuth);
+        std::array::from_fn(|lane| (smooth[lane] + peaked[lane]).max(0.0))
     }
 
     /// L in two parts: what varies slowly over the sky, and what peaked scatterers make of the beam.
-    pub fn parts(&self, optics: &Optics, cos_scattering: f64, azimuth: f64) -> [f64; 2] {
-        self.parts_of(optics, |phase| optics.phases[phase].value(cos_scattering), &Turn::new(cos_scattering, azimuth))
+    pub fn parts(&self, bundle: &Bundle, cos_scattering: f64, azimuth: f64) -> [Lanes; 2] {
+        let value = |phase: usize| {
+            bundle.each(|column| column.phases.get(phase).map_or(0.0, |phase| phase.value(cos_scattering)))
+        };
+        self.parts_of(bundle, value, &Turn::new(cos_scattering, azimuth))
     }
 
     /// The same with the values of the phase functions.
-    #[inline]
-    pub fn parts_of(&self, optics: &Optics, value: impl Fn(usize) -> f64, turn: &Turn) -> [f64; 2] {
-        let mut parts = [0.0; 2];
-        for (phase, (k, peaked)) in self.once.iter().zip(&optics.peaked).enumerate() {
-            if *k > 0.0 {
-                parts[usize::from(*peaked)] += k * value(phase);
+    #[inline(always)]
+    pub fn parts_of(&self, bundle: &Bundle, value: impl Fn(usize) -> Lanes, turn: &Turn) -> [Lanes; 2] {
+        let mut parts = [[0.0; LANES]; 2];
+        for (phase, (k, peaked)) in self.once.iter().zip(&bundle.peaked).enumerate() {
+            let value = value(phase);
+            for lane in 0..LANES {
+                let light = k[lane] * value[lane];
+                parts[0][lane] += (1.0 - peaked[lane]) * light;
+                parts[1][lane] += peaked[lane] * light;
             }
         }
-        if let Some(tail) = &optics.twice {
-            parts[1] += self.twice * tail.at(turn.place);
+        if bundle.twice {
+            for (lane, column) in bundle.columns.iter().enumerate() {
+                parts[1][lane] += column.twice.as_ref().map_or(0.0, |tail| self.twice[lane] * tail.at(turn.place));
+            }
         }
         // cos (m+1)φ = 2 cos φ cos mφ − cos (m−1)φ
         let cos = turn.cos_azimuth;
         let (mut before, mut now) = (cos, 1.0);
         for l in &self.orders {
-            parts[0] += l * now;
+            for lane in 0..LANES {
+                parts[0][lane] += l[lane] * now;
+            }
             (before, now) = (now, 2.0 * cos * now - before);
         }
         parts
     }
 
-    /// What peaked scatterers make of the beam, over all that they gather, at a scattering angle.
-    pub fn halo(&self, optics: &Optics, cos_scattering: f64) -> f64 {
-        let all: f64 = self.of_peaked(optics).map(|(k, _)| k).sum();
-        let once: f64 = self.of_peaked(optics).map(|(k, phase)| k * phase.value(cos_scattering)).sum();
-        let twice = optics.twice.as_ref().map_or(0.0, |tail| self.twice * tail.at(Tail::place(cos_scattering)));
+    /// What peaked scatterers of the first column make of the beam, over all that they gather, at a scattering angle.
+    pub fn halo(&self, bundle: &Bundle, cos_scattering: f64) -> f64 {
+        let all: f64 = self.of_peaked(bundle).map(|(k, _)| k).sum();
+        let once: f64 = self.of_peaked(bundle).map(|(k, phase)| k * phase.value(cos_scattering)).sum();
+        let tail = bundle.columns[0].twice.as_ref();
+        let twice = tail.map_or(0.0, |tail| self.twice[0] * tail.at(Tail::place(cos_scattering)));
         if all > 0.0 { (once + twice).max(0.05 * once) / all } else { 0.0 }
     }
 
-    /// What peaked scatterers gather, each its own.
-    pub fn of_peaked(&self, optics: &Optics) -> impl Iterator<Item = (f64, Arc<Phase>)> {
-        let all = self.once.iter().zip(&optics.phases).zip(&optics.peaked);
-        all.filter(|(_, peaked)| **peaked).map(|((k, phase), _)| (*k, Arc::clone(phase)))
+    /// What they gather, each its own.
+    pub fn of_peaked(&self, bundle: &Bundle) -> impl Iterator<Item = (f64, Arc<Phase>)> {
+        let column = &bundle.columns[0];
+        let all = self.once.iter().zip(&column.phases).zip(&column.peaked);
+        all.filter(|(_, peaked)| **peaked).map(|((k, phase), _)| (k[0], Arc::clone(phase)))
     }
 
     fn reset(&mut self, phases: usize, orders: usize) {
         self.once.clear();
-        self.once.resize(phases, 0.0);
+        self.once.resize(phases, [0.0; LANES]);
         self.orders.clear();
-        self.orders.resize(orders, 0.0);
-        self.twice = 0.0;
+        self.orders.resize(orders, [0.0; LANES]);
+        self.twice = [0.0; LANES];
     }
+}
 
-    /// Becomes a sum of shares of what was gathered at some azimuths.
-    pub fn mix(&mut self, gathered: &[Gathered], shares: &[f64]) {
-        self.reset(gathered[0].once.len(), gathered[0].orders.len());
+wide_too! {
+    /// What is gathered at an azimuth, as shares of what was at others.
+    pub(crate) fn mix_azimuths(gathered: &[Gathered], shares: &[f64], mixed: &mut Gathered) {
+        mixed.reset(gathered[0].once.len(), gathered[0].orders.len());
         for (one, share) in gathered.iter().zip(shares) {
-            self.once.iter_mut().zip(&one.once).for_each(|(sum, k)| *sum += share * k);
-            self.orders.iter_mut().zip(&one.orders).for_each(|(sum, l)| *sum += share * l);
-            self.twice += share * one.twice;
+            add_shares(&mut mixed.once, &one.once, *share);
+            add_shares(&mut mixed.orders, &one.orders, *share);
+            add_shares(std::slice::from_mut(&mut mixed.twice), std::slice::from_ref(&one.twice), *share);
         }
     }
+}
+
+#[inline(always)]
+fn add_shares(sums: &mut [Lanes], values: &[Lanes], share: f64) {
+    let sums = sums.as_flattened_mut().iter_mut();
+    sums.zip(values.as_flattened()).for_each(|(sum, value)| *sum += share * value);
+}
+
+/// What a ray through columns crosses, whatever the sun.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Crossed {
+    /// Scaled optical depth to each point.
+    passed: Vec<Lanes>,
+    /// Between the points: half of what peaked scatterers scatter \[m⁻¹\], and q_ray.
+    tail: Vec<[Lanes; 2]>,
+}
+
+impl Crossed {
+    /// Takes the depths of the column in a lane; columns come in the order of their lanes.
+    pub fn take(&mut self, weighed: &Weighed, lane: usize) {
+        if lane == 0 {
+            self.passed.clear();
+            self.passed.resize(weighed.passed.len(), [0.0; LANES]);
+            self.tail.clear();
+            self.tail.resize(weighed.tail.0.len(), [[0.0; LANES]; 2]);
+        }
+        self.passed.iter_mut().zip(&weighed.passed).for_each(|(lanes, passed)| lanes[lane] = *passed);
+        for ([half, q], (own_half, own_q)) in self.tail.iter_mut().zip(weighed.tail.0.iter().zip(&weighed.tail.1)) {
+            (half[lane], q[lane]) = (*own_half, *own_q);
+        }
+    }
+}
+
+/// What light is gathered with.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Basket {
+    /// By azimuth.
+    pub all: Vec<Gathered>,
+    /// Of points: depth by way of each, sun and ray together, and what comes through.
+    depth: Vec<Lanes>,
+    light: Vec<Lanes>,
+    /// Between points: what single scattering gathers a metre, and half of q along the ray and of q towards the sun.
+    got: Vec<Lanes>,
+    q: Vec<Lanes>,
 }
 
 wide_too! {
     /// Gathers light along a ray for one sun of unit irradiance, at every azimuth of the fan; `projected` is what the points
     /// give in each of the fields that the fan draws on, counted from its first.
     pub(crate) fn gather(
-        optics: &Optics,
+        bundle: &Bundle,
         sight: &Sight,
-        weighed: &Weighed,
+        crossed: &Crossed,
         fan: &Fan,
         depths: &SunDepths,
         projected: &[Projected],
-        all: &mut Vec<Gathered>
+        basket: &mut Basket
     ) {
         let n = sight.points.len();
-        let orders = projected.iter().map(|p| p.orders.len().max(p.places.len() / PLACES)).max().unwrap_or(0);
-        let (mut depth, mut light, mut got) = (vec![0.0; n], vec![0.0; n], vec![0.0; sight.lengths.len()]);
-        // Half of q along the ray, and of q towards the sun.
-        let mut q: Vec<f64> = Vec::new();
-        if optics.twice.is_some() {
-            let tails: Vec<f64> = sight.points.iter().map(|point| depths.tail_at(point)).collect();
-            q.extend(tails.windows(2).zip(&weighed.tail.1).map(|(tails, q_ray)| 0.5 * (tails[0] + tails[1]) + q_ray));
+        let orders = projected.iter().map(|p| p.orders.len().max(p.places.len())).max().unwrap_or(0);
+        let Basket { all, depth, light, got, q } = basket;
+        depth.resize(n, [0.0; LANES]);
+        light.resize(n, [0.0; LANES]);
+        got.resize(sight.lengths.len(), [0.0; LANES]);
+        q.clear();
+        if bundle.twice && n > 0 {
+            let mut near = depths.tail_at(&sight.points[0]);
+            for (point, [half, q_ray]) in sight.points[1..].iter().zip(&crossed.tail) {
+                let far = depths.tail_at(point);
+                let mut own = [0.0; LANES];
+                for lane in 0..LANES {
+                    own[lane] = half[lane] * (0.5 * (near[lane] + far[lane]) + q_ray[lane]);
+                }
+                q.push(own);
+                near = far;
+            }
         }
         all.resize_with(fan.azimuths, Gathered::default);
         for (azimuth, gathered) in all.iter_mut().enumerate() {
             let mut suns = &fan.suns[azimuth * (fan.suns.len() / fan.azimuths)..];
-            gathered.reset(optics.phases.len(), orders);
-            // Depth by way of each point, sun and ray together, and what comes through.
-            for (depth, (point, passed)) in depth.iter_mut().zip(sight.points.iter().zip(&weighed.passed)) {
+            gathered.reset(bundle.phases, orders);
+            for (depth, (point, passed)) in depth.iter_mut().zip(sight.points.iter().zip(&crossed.passed)) {
                 let (own, rest) = suns.split_at(point.used);
-                *depth = depths.at(own) + passed;
+                let to_sun = depths.at(own);
+                for lane in 0..LANES {
+                    depth[lane] = to_sun[lane] + passed[lane];
+                }
                 suns = rest;
             }
-            light.iter_mut().zip(&depth).for_each(|(light, depth)| *light = exp(-depth));
+            let depth = depth.as_flattened();
+            light.as_flattened_mut().iter_mut().zip(depth).for_each(|(light, depth)| *light = exp(-depth));
             // The depth runs straight between the points: ∫ e^(−x), exact for one layer of a flat Earth.
-            for (i, got) in got.iter_mut().enumerate() {
-                let (fall, a, b) = (depth[i + 1] - depth[i], light[i], light[i + 1]);
-                let mean = if fall.abs() > 1e-4 { (a - b) / fall } else { a * (1.0 - 0.5 * fall) };
-                *got = mean * sight.lengths[i] * (0.25 / PI);
+            let (light, flat) = (light.as_flattened(), got.as_flattened_mut());
+            for (i, got) in flat.iter_mut().enumerate() {
+                let (fall, a, b) = (depth[i + LANES] - depth[i], light[i], light[i + LANES]);
+                *got = if fall.abs() > 1e-4 { (a - b) / fall } else { a * (1.0 - 0.5 * fall) };
             }
-            for ((got, tail), q) in got.iter().zip(&weighed.tail.0).zip(&q) {
-                gathered.twice += got * tail * q;
+            for (got, length) in got.iter_mut().zip(&sight.lengths) {
+                let per = length * (0.25 / PI);
+                got.iter_mut().for_each(|got| *got *= per);
             }
-            for (got, layer) in got.chunks_exact(2).zip(&sight.layers) {
-                let got = got[0] + got[1];
-                gathered.once.iter_mut().zip(optics.scattering(*layer)).for_each(|(k, beta)| *k += beta * got);
+            for (got, q) in got.iter().zip(&*q) {
+                for lane in 0..LANES {
+                    gathered.twice[lane] += got[lane] * q[lane];
+                }
+            }
+            for (phase, once) in gathered.once.iter_mut().enumerate() {
+                let mut sum = [0.0; LANES];
+                for (got, layer) in got.chunks_exact(2).zip(&sight.layers) {
+                    let beta = &bundle.scattering[layer * bundle.phases + phase];
+                    for lane in 0..LANES {
+                        sum[lane] += beta[lane] * (got[0][lane] + got[1][lane]);
+                    }
+                }
+                *once = sum;
             }
             // Any field of the sun tells how the light was drawn, and where most of it comes from.
             let any = &projected[fan.fields[azimuth][0].0];
             if any.places.is_empty() {
-                let (first, shares) = fan.mean(azimuth, any.centre);
-                for (field, share) in projected[first..].iter().zip(shares) {
-                    add_shares(&mut gathered.orders, &field.orders, share);
+                for lane in 0..bundle.columns.len() {
+                    let (first, shares) = fan.mean(azimuth, any.centre[lane]);
+                    for (field, share) in projected[first..].iter().zip(shares).filter(|(_, share)| *share != 0.0) {
+                        let sums = gathered.orders.iter_mut().zip(&field.orders);
+                        sums.for_each(|(sum, value)| sum[lane] += share * value[lane]);
+                    }
                 }
             } else {
-                for (i, (first, shares)) in fan.fields[azimuth].into_iter().enumerate() {
-                    for (field, share) in projected[first..].iter().zip(shares) {
-                        let own = field.places.len() / PLACES;
-                        add_shares(&mut gathered.orders, &field.places[i * own..][..own], share);
+                for (i, (first, shares)) in fan.fields[azimuth].into_iter().enumerate().take(any.reach) {
+                    for (field, share) in projected[first..].iter().zip(shares).filter(|(_, share)| *share != 0.0) {
+                        for (sum, places) in gathered.orders.iter_mut().zip(&field.places) {
+                            for lane in 0..LANES {
+                                sum[lane] += share * places[i][lane];
+                            }
+                        }
                     }
                 }
             }
         }
-    }
-}
-
-#[inline(always)]
-fn add_shares(sums: &mut [f64], values: &[f64], share: f64) {
-    if share != 0.0 {
-        sums.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
     }
 }
 
@@ -1267,7 +1529,7 @@ pub(crate) fn streams(asked: u64) -> usize {
 #[cfg(test)]
 pub(crate) struct Probe {
     shells: Shells,
-    pub optics: Optics,
+    pub bundle: Bundle,
     lattice: Lattice,
     rays: SunRays,
     fields: FieldSuns,
@@ -1284,28 +1546,30 @@ impl Probe {
         let fields = FieldSuns::new(&shells, &lattice, &[sun], false);
         let mut solution = Solution::default();
         solve_entry(&optics, &fields, accuracy, &mut solution);
-        Self { depths: rays.depths(&optics), shells, optics, lattice, rays, fields, solution }
+        let bundle = Bundle::new(vec![optics]);
+        Self { depths: rays.depths(&bundle), shells, bundle, lattice, rays, fields, solution }
     }
 
     /// T′ of the beam, E_d over a black ground as the solver has it, and S.
     pub fn fluxes(&self) -> (f64, f64, f64) {
         let down = self.fields.ground_flux(&self.solution.beams, 0, self.rays.zenith);
-        (self.rays.to_ground(&self.optics.scaled), down, self.solution.ground.arrives / PI)
+        (self.rays.to_ground(&self.bundle.columns[0].scaled), down, self.solution.ground.arrives / PI)
     }
 
     /// Light of the sun, `azimuth` from that of the rising ray, gathered along a ray of this zenith angle at the ground; that
     /// of a ground of radiance 1; and the scaled depth of the ray.
     pub fn gather(&self, look: Look, zenith: f64, azimuth: f64) -> (Gathered, f64, f64) {
-        let (streams, all) = (self.optics.streams, (self.shells.top(), f64::INFINITY));
+        let optics = &self.bundle.columns[0];
+        let (streams, all) = (optics.streams, (self.shells.top(), f64::INFINITY));
         let sight = Sight::new(&self.shells, &self.lattice, look, (0.0, zenith), all, streams, streams);
-        let weighed = [Weighed::new(&self.optics, &sight, &self.solution.starts(), self.fields.draws_by_place(&sight))];
+        let weighed = [Weighed::new(optics, &sight, &self.solution.starts(), self.fields.draws_by_place(&sight))];
         let fan = Fan::new(&sight, &self.rays, &self.fields, 0, &[azimuth]);
-        let mut projected = Vec::new();
-        project(&weighed, &self.solution.beams, &mut projected);
+        let (mut projected, mut crossed, mut basket) = (Vec::new(), Crossed::default(), Basket::default());
+        project(&weighed, &self.solution.beams, 0, &mut projected);
         let [weighed] = weighed;
-        let mut gathered = Vec::new();
-        gather(&self.optics, &sight, &weighed, &fan, &self.depths, &projected[0], &mut gathered);
-        let gathered = gathered.remove(0);
+        crossed.take(&weighed, 0);
+        gather(&self.bundle, &sight, &crossed, &fan, &self.depths, &projected[0], &mut basket);
+        let gathered = basket.all.remove(0);
         (gathered, gather_ground(&weighed, &self.solution.ground), weighed.passed[weighed.passed.len() - 1])
     }
 }
@@ -1382,7 +1646,7 @@ mod tests {
                     continue;
                 }
                 let (gathered, ground, depth) = probe.gather(look, mu.acos(), if up { PI - dphi } else { dphi });
-                let mut found = gathered.radiance(&probe.optics, cos, dphi) + shining * ground;
+                let mut found = gathered.radiance(&probe.bundle, cos, dphi)[0] + shining * ground;
                 if up {
                     found += shining * (-depth).exp();
                 }

@@ -163,22 +163,22 @@ impl Shells {
     /// `lengths`; and the true zenith angle it comes from. `None` where the ground is in the way.
     fn escape(&self, from: f64, apparent: f64, lengths: &mut [f64]) -> Option<f64> {
         let from = from.min(self.top());
+        let Some(round) = &self.round else {
+            // On a flat Earth the horizon hides all that is below it.
+            let rising = (apparent <= FRAC_PI_2).then(|| self.rising(from, apparent, self.top()))?;
+            rising.iter().for_each(|s| lengths[s.layer] += self.length(s, s.high));
+            return Some(apparent);
+        };
         let rises = |from: f64, zenith: f64, lengths: &mut [f64]| {
-            let stretches = self.rising(from, zenith, self.top());
-            stretches.iter().for_each(|s| lengths[s.layer] += self.length(s, s.high));
-            match (stretches.last(), &self.round) {
-                (Some(last), Some(round)) => {
-                    // Outside the air n = 1.
-                    let sine = last.impact / (round.radius + last.high);
-                    self.centre(last, last.high) + sine.min(1.0).asin()
-                }
-                _ => zenith,
-            }
+            let impact = round.x_at(&self.heights, self.layer_at(from), from) * zenith.sin();
+            let centre = self.climb(round, from, impact, lengths);
+            // Outside the air n = 1.
+            let sine = impact / (round.radius + self.top());
+            if from < self.top() { centre + sine.min(1.0).asin() } else { zenith }
         };
         if apparent <= FRAC_PI_2 {
             return Some(rises(from, apparent, lengths));
         }
-        let round = self.round.as_ref()?; // on a flat Earth the horizon hides all that is below it
         // Down to where the ray runs level, x = p, and up again on both sides.
         let layer = self.layer_at(from);
         let p = round.x_at(&self.heights, layer, from) * apparent.sin();
@@ -195,9 +195,38 @@ impl Shells {
         Some(far + centre)
     }
 
+    /// Path lengths in each layer \[m\] of a ray that rises from a height to the top, added to `lengths`; and the angle at the
+    /// Earth's centre between its ends \[rad\]. The same as by its stretches, each boundary counted once.
+    fn climb(&self, round: &Round, from: f64, impact: f64, lengths: &mut [f64]) -> f64 {
+        let at = |layer: usize, height: f64| {
+            let x = round.x_at(&self.heights, layer, height);
+            let root = ((x - impact) * (x + impact)).max(0.0).sqrt();
+            (height, x, root, (impact / x).min(1.0).asin())
+        };
+        let mut centre = 0.0;
+        if from >= self.top() {
+            return centre;
+        }
+        let lowest = self.layer_at(from);
+        let (mut low, mut x_low, mut root_low, mut angle_low) = at(lowest, from);
+        for layer in (0..=lowest).rev() {
+            let (high, x, root, angle) = at(layer, self.heights[layer]);
+            let sum = root_low + root;
+            lengths[layer] += if sum > 0.0 { (high - low) * (x_low + x) / sum } else { 0.0 };
+            centre += round.index[layer] / round.slope[layer] * (angle_low - angle);
+            (low, x_low, root_low, angle_low) = (high, x, root, angle);
+        }
+        centre
+    }
+
     /// Path lengths in each layer \[m\] from a height towards the sun at a *true* zenith angle; `None` where the ground
     /// hides it.
     pub fn towards_sun(&self, from: f64, true_zenith: f64) -> Option<Vec<f64>> {
+        self.towards_sun_lifted(from, true_zenith, &mut 0.0)
+    }
+
+    /// The same for a sun lifted by about so much \[rad\]; takes what it is lifted by.
+    pub fn towards_sun_lifted(&self, from: f64, true_zenith: f64, lift: &mut f64) -> Option<Vec<f64>> {
         let mut lengths = vec![0.0; self.heights.len() - 1];
         let horizon = match &self.round {
             Some(round) => {
@@ -207,11 +236,12 @@ impl Shells {
             }
             None => FRAC_PI_2,
         };
-        let mut apparent = true_zenith.min(horizon);
+        let mut apparent = (true_zenith - *lift).clamp(0.0, horizon);
         for _ in 0..12 {
             lengths.fill(0.0);
             let miss = true_zenith - self.escape(from, apparent, &mut lengths)?;
             if miss.abs() < 1e-8 {
+                *lift = true_zenith - apparent;
                 return Some(lengths);
             }
             if miss > 0.0 && apparent >= horizon {

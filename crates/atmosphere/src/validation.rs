@@ -10,7 +10,7 @@ use crate::column_sky::{self, ColumnAir, Settings};
 use crate::ladder::Ladder;
 use crate::medium::{Layer, Medium, Strata};
 use crate::phase::Phase;
-use crate::radiance::{Look, Probe};
+use crate::radiance::{Gathered, Look, Probe};
 use crate::ray::Shells;
 use crate::strata::Site;
 use crate::{Cloud, Column, Needs, Path, SkyState, Sun};
@@ -84,7 +84,7 @@ fn light_scattered_once_in_shells_is_that_of_sasktran2() {
                 let once = direct.gather(look, view, azimuth).0.once;
                 let level = if up { -view.cos() * sun.cos() } else { view.cos() * sun.cos() };
                 let cos = level + view.sin() * sun.sin() * dphi.cos();
-                let found: f64 = once.iter().zip(&medium.phases).map(|(k, phase)| k * phase.value(cos)).sum();
+                let found: f64 = once.iter().zip(&medium.phases).map(|(k, phase)| k[0] * phase.value(cos)).sum();
                 let place = || format!("{row:?}: {found:.6e}");
                 worst.add(format!("view {:>4} {:>4}", row[3], row[2]), found / due - 1.0, place);
                 worst.add(
@@ -210,7 +210,7 @@ fn between_nodes(suns_deg: &[f64]) -> Worst {
                     let beam = sun.cos() * sky.sun_transmittance()[i];
                     let shining = 0.2 * (beam + sky.diffuse_irradiance()[i]) / PI;
                     let (gathered, ground, _) = direct.gather(Look::Up, zenith, azimuth);
-                    let due = gathered.radiance(&direct.optics, away.to_radians().cos(), azimuth) + shining * ground;
+                    let due = gathered.radiance(&direct.bundle, away.to_radians().cos(), azimuth)[0] + shining * ground;
                     let (degrees, turn) = (zenith.to_degrees(), azimuth.to_degrees());
                     let class = match (away, degrees) {
                         (a, _) if a < 2.0 => "1-2 from the sun",
@@ -433,5 +433,37 @@ fn depths_to_the_sun_are_those_of_the_continuous_profile() {
     worst.print("depths to the sun against a quadrature");
     for (class, (error, _, _, place)) in worst.0.iter().filter(|(class, ..)| class.contains("depth")) {
         assert!(error.abs() < 0.02, "{class}: {error:+.4} at {place}");
+    }
+}
+
+/// Between the azimuths at which light is gathered, against light gathered at the very azimuth: under suns to 75°, and along
+/// rays to 77°, whose multiple scattering is that of one place, to 85°.
+#[test]
+fn light_between_the_gathered_azimuths_is_what_is_gathered_there() {
+    for visibility in [23.0, 5.0] {
+        let site = Site::new(&column("midlatitude_summer", visibility, false)).unwrap();
+        let medium = medium(&site, 0.41);
+        let shells = Shells::new(&site.strata(), true);
+        for sun_deg in [20.0, 40.0, 60.0, 70.0, 75.0, 80.0, 85.0f64] {
+            let sun = sun_deg.to_radians();
+            let direct = Probe::new(shells.clone(), &medium, 8, sun, 1e-3);
+            for zenith_deg in [7.0, 28.0, 49.0, 70.0, 77.0, 80.0, 85.0, 90.0f64] {
+                let zenith = zenith_deg.to_radians();
+                let set = column_sky::GATHERED[column_sky::Nodes::gathered(true, zenith, sun)];
+                let known: Vec<_> = set.iter().map(|azimuth| direct.gather(Look::Up, zenith, *azimuth).0).collect();
+                for azimuth in [0.0, 25.0, 48.0, 77.0, 93.0, 110.0, 145.0, 180.0].map(f64::to_radians) {
+                    let cos = zenith.cos() * sun.cos() + zenith.sin() * sun.sin() * azimuth.cos();
+                    let light = |gathered: &Gathered| {
+                        let [smooth, peaked] = gathered.parts(&direct.bundle, cos.min(0.9995), azimuth);
+                        smooth[0] + peaked[0]
+                    };
+                    let shares = column_sky::azimuth_shares(set, azimuth);
+                    let found: f64 = known.iter().zip(shares).map(|(known, share)| share * light(known)).sum();
+                    let error = found / light(&direct.gather(Look::Up, zenith, azimuth).0) - 1.0;
+                    let most = if sun_deg <= 75.0 || zenith_deg >= 80.0 { 4e-4 } else { 2.5e-3 };
+                    assert!(error.abs() < most, "{visibility} km, sun {sun_deg}, zenith {zenith_deg}: {error:+.1e}");
+                }
+            }
+        }
     }
 }
