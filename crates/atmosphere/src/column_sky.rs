@@ -294,9 +294,6 @@ const AZIMUTHS: [f64; 15] =
 /// change along its way.
 pub(crate) const GATHERED: [&[f64]; 4] =
     [&[0.0], &[0.0, PI], &[0.0, PI / 2.0, PI], &[0.0, PI / 4.0, PI / 2.0, 3.0 * PI / 4.0, PI]];
-/// The first that serve the whole sky under any sun but the lowest.
-const FEW: [f64; 3] = [0.0, PI / 2.0, PI];
-
 /// A node nearer to the sun counts as one this far from it \[rad\]: the tip of a peak tells little of what lies around it.
 const TIP: f64 = 1.7 * PI / 180.0;
 
@@ -464,15 +461,28 @@ impl Scattering {
     fn values(&self, bundle: &Bundle) -> Vec<Vec<Lanes>> {
         let most = bundle.columns.iter().map(|column| column.phases.len()).max().unwrap_or(0);
         let mut values = vec![vec![[0.0; LANES]; self.turns.len()]; most];
-        for (lane, column) in bundle.columns.iter().enumerate() {
-            for (sums, phase) in values.iter_mut().zip(&column.phases) {
-                for (share, part) in phase.parts() {
-                    match self.tables.get(&(Arc::as_ptr(&part) as usize)) {
-                        Some(table) => sums.iter_mut().zip(table).for_each(|(sum, p)| sum[lane] += share * p),
+        for (phase, values) in values.iter_mut().enumerate() {
+            // What the columns mix, each part once.
+            let mut parts: Vec<(Arc<Phase>, Lanes)> = Vec::new();
+            for (lane, column) in bundle.columns.iter().enumerate() {
+                for (share, part) in column.phases.get(phase).into_iter().flat_map(Phase::parts) {
+                    match parts.iter_mut().find(|(known, _)| Arc::ptr_eq(known, &part)) {
+                        Some((_, lanes)) => lanes[lane] += share,
                         None => {
-                            let turns = sums.iter_mut().zip(&self.turns);
-                            turns.for_each(|(sum, turn)| sum[lane] += share * part.value(turn.cos_scattering));
+                            let mut lanes = [0.0; LANES];
+                            lanes[lane] = share;
+                            parts.push((part, lanes));
                         }
+                    }
+                }
+            }
+            for (part, shares) in &parts {
+                let add = |(sums, p): (&mut Lanes, f64)| sums.iter_mut().zip(shares).for_each(|(sum, s)| *sum += s * p);
+                match self.tables.get(&(Arc::as_ptr(part) as usize)) {
+                    Some(table) => values.iter_mut().zip(table.iter().copied()).for_each(add),
+                    None => {
+                        let of = |turn: &Turn| part.value(turn.cos_scattering);
+                        values.iter_mut().zip(self.turns.iter().map(of)).for_each(add);
                     }
                 }
             }
@@ -519,6 +529,7 @@ struct Shape {
 }
 
 impl Shape {
+    const AZIMUTHS: [f64; 3] = [0.0, FRAC_PI_2, PI];
     const HALO: usize = 360;
     const STEPS: usize = 90;
 
@@ -550,12 +561,16 @@ impl Shape {
                 let own = &lattices.rays[0][s];
                 let depths = own.depths(&bundle);
                 let mut parts: [[Vec<f64>; 3]; 2] = Default::default();
-                let (mut halo, mut basket) = (Vec::new(), Basket::default());
+                let (mut halo, mut basket, mut mixed) = (Vec::new(), Basket::default(), Gathered::default());
                 for (zenith, sight, crossed, projected) in &rays {
-                    let fan = Fan::new(sight, own, fields, s, &FEW);
+                    // Three serve a shape whatever the sun.
+                    let set = GATHERED[Nodes::gathered(shells.is_round(), *zenith, *sun).min(2)];
+                    let fan = Fan::new(sight, own, fields, s, set);
                     gather(&bundle, sight, crossed, &fan, &depths, projected, &mut basket);
                     let all = &basket.all;
-                    for (a, (gathered, azimuth)) in all.iter().zip(FEW).enumerate() {
+                    for (a, azimuth) in Self::AZIMUTHS.into_iter().enumerate() {
+                        mix_azimuths(all, &azimuth_shares(set, azimuth), &mut mixed);
+                        let gathered = &mixed;
                         let cos = cosine_between((*zenith, *sun), azimuth);
                         let [smooth, _] = gathered.parts(&bundle, cos, azimuth).map(|lanes| lanes[0]);
                         let peaked: f64 = gathered.of_peaked(&bundle).map(|(k, _)| k).sum();

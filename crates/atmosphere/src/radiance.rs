@@ -441,8 +441,11 @@ impl SunRays {
         }
         let all: Vec<_> = self.lengths.iter().map(Option::as_deref).collect();
         let depths = depths_abreast(&all, &bundle.scaled);
+        let flat = depths.len() == self.offsets.rows.len();
+        let through =
+            if flat { depths.iter().map(|lanes| lanes.map(|depth| exp(-depth))).collect() } else { Vec::new() };
         let blocked = depths.iter().map(|lanes| lanes.iter().any(|depth| *depth >= BLOCKED)).collect();
-        SunDepths { offsets: Arc::clone(&self.offsets), from: 0, depths, blocked, tail }
+        SunDepths { offsets: Arc::clone(&self.offsets), from: 0, depths, blocked, through, tail }
     }
 }
 
@@ -458,6 +461,8 @@ pub(crate) struct SunDepths {
     depths: Vec<Lanes>,
     /// Where in any lane nothing gets through.
     blocked: Vec<bool>,
+    /// What comes through to each level, on a flat Earth, where all rays meet a level at one depth.
+    through: Vec<Lanes>,
     /// Scattering optical depths of the peaked scatterers, by level; empty without.
     tail: Vec<Lanes>,
 }
@@ -470,6 +475,7 @@ impl SunDepths {
             from: level,
             depths: self.depths[self.offsets.rows[level].0..].to_vec(),
             blocked: self.blocked[self.offsets.rows[level].0..].to_vec(),
+            through: self.through.iter().skip(level).copied().collect(),
             tail: self.tail.iter().skip(level).copied().collect(),
         }
     }
@@ -518,10 +524,14 @@ impl SunDepths {
 /// Zenith angles of the suns that fields are solved for \[deg\]: on a round Earth a fixed row of them, so that an answer
 /// does not depend on what other suns were asked for; on a flat one each sun's own.
 fn field_zenith(i: usize) -> f64 {
-    const COARSE: usize = 13;
-    if i <= COARSE { 5.0 * i as f64 } else { 65.0 + 2.5 * (i - COARSE) as f64 }
+    match i {
+        0..=2 => 5.0 * i as f64,
+        3..=6 => 10.0 + 10.0 * (i - 2) as f64,
+        7..=9 => 50.0 + 5.0 * (i - 6) as f64,
+        _ => 65.0 + 2.5 * (i - 9) as f64,
+    }
 }
-const FIELD_ZENITHS: usize = 30;
+const FIELD_ZENITHS: usize = 26;
 /// Fields are looked up for suns at most this far from the site's \[deg\].
 const FIELD_REACH: f64 = 4.0;
 
@@ -1342,8 +1352,8 @@ fn add_shares(sums: &mut [Lanes], values: &[Lanes], share: f64) {
 /// What a ray through columns crosses, whatever the sun.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Crossed {
-    /// Scaled optical depth to each point.
-    passed: Vec<Lanes>,
+    /// Scaled optical depth to each point, and what comes through from it.
+    passed: Vec<[Lanes; 2]>,
     /// Between the points: half of what peaked scatterers scatter \[m⁻¹\], and q_ray.
     tail: Vec<[Lanes; 2]>,
 }
@@ -1353,11 +1363,13 @@ impl Crossed {
     pub fn take(&mut self, weighed: &Weighed, lane: usize) {
         if lane == 0 {
             self.passed.clear();
-            self.passed.resize(weighed.passed.len(), [0.0; LANES]);
+            self.passed.resize(weighed.passed.len(), [[0.0; LANES]; 2]);
             self.tail.clear();
             self.tail.resize(weighed.tail.0.len(), [[0.0; LANES]; 2]);
         }
-        self.passed.iter_mut().zip(&weighed.passed).for_each(|(lanes, passed)| lanes[lane] = *passed);
+        for ([depth, through], passed) in self.passed.iter_mut().zip(&weighed.passed) {
+            (depth[lane], through[lane]) = (*passed, exp(-passed));
+        }
         for ([half, q], (own_half, own_q)) in self.tail.iter_mut().zip(weighed.tail.0.iter().zip(&weighed.tail.1)) {
             (half[lane], q[lane]) = (*own_half, *own_q);
         }
@@ -1412,16 +1424,31 @@ wide_too! {
         for (azimuth, gathered) in all.iter_mut().enumerate() {
             let mut suns = &fan.suns[azimuth * (fan.suns.len() / fan.azimuths)..];
             gathered.reset(bundle.phases, orders);
-            for (depth, (point, passed)) in depth.iter_mut().zip(sight.points.iter().zip(&crossed.passed)) {
+            // Levels that are met as they are, by every azimuth alike.
+            let flat = !depths.through.is_empty() && suns.len() == n && fan.azimuths == 1;
+            for ((depth, light), (point, [passed, through])) in
+                depth.iter_mut().zip(&mut *light).zip(sight.points.iter().zip(&crossed.passed))
+            {
                 let (own, rest) = suns.split_at(point.used);
+                suns = rest;
+                if flat {
+                    let place = (own[0].first as usize).min(depths.depths.len() - 1);
+                    let (to_sun, from_sun) = (&depths.depths[place], &depths.through[place]);
+                    for lane in 0..LANES {
+                        depth[lane] = to_sun[lane] + passed[lane];
+                        light[lane] = from_sun[lane] * through[lane];
+                    }
+                    continue;
+                }
                 let to_sun = depths.at(own);
                 for lane in 0..LANES {
                     depth[lane] = to_sun[lane] + passed[lane];
                 }
-                suns = rest;
             }
             let depth = depth.as_flattened();
-            light.as_flattened_mut().iter_mut().zip(depth).for_each(|(light, depth)| *light = exp(-depth));
+            if !flat {
+                light.as_flattened_mut().iter_mut().zip(depth).for_each(|(light, depth)| *light = exp(-depth));
+            }
             // The depth runs straight between the points: ∫ e^(−x), exact for one layer of a flat Earth.
             let (light, flat) = (light.as_flattened(), got.as_flattened_mut());
             for (i, got) in flat.iter_mut().enumerate() {
@@ -1432,11 +1459,13 @@ wide_too! {
                 let per = length * (0.25 / PI);
                 got.iter_mut().for_each(|got| *got *= per);
             }
+            let mut twice = [0.0; LANES];
             for (got, q) in got.iter().zip(&*q) {
                 for lane in 0..LANES {
-                    gathered.twice[lane] += got[lane] * q[lane];
+                    twice[lane] += got[lane] * q[lane];
                 }
             }
+            gathered.twice = twice;
             for (phase, once) in gathered.once.iter_mut().enumerate() {
                 let mut sum = [0.0; LANES];
                 for (got, layer) in got.chunks_exact(2).zip(&sight.layers) {
@@ -1540,10 +1569,15 @@ pub(crate) struct Probe {
 #[cfg(test)]
 impl Probe {
     pub fn new(shells: Shells, medium: &Medium, streams: usize, sun: f64, accuracy: f64) -> Self {
+        Self::with_fields(shells, medium, streams, sun, accuracy, false)
+    }
+
+    /// With the field of the sun itself where `exact`, not those of the row about it.
+    pub fn with_fields(shells: Shells, medium: &Medium, streams: usize, sun: f64, accuracy: f64, exact: bool) -> Self {
         let optics = Optics::new(medium, &shells, streams, false);
         let lattice = Lattice::new(&shells, &optics);
         let rays = SunRays::new(&shells, &lattice, sun);
-        let fields = FieldSuns::new(&shells, &lattice, &[sun], false);
+        let fields = FieldSuns::new(&shells, &lattice, &[sun], exact);
         let mut solution = Solution::default();
         solve_entry(&optics, &fields, accuracy, &mut solution);
         let bundle = Bundle::new(vec![optics]);

@@ -467,3 +467,27 @@ fn light_between_the_gathered_azimuths_is_what_is_gathered_there() {
         }
     }
 }
+
+/// Suns between those of the row that fields are solved for, against their own fields: straight up and down, where a ray has
+/// the sun of the site all along, and the irradiance at the ground.
+#[test]
+fn fields_between_the_suns_of_the_row_are_those_of_the_sun_itself() {
+    for (visibility, wavelength) in [(23.0, 0.41), (23.0, 0.87), (5.0, 0.41), (5.0, 0.87)] {
+        let site = Site::new(&column("midlatitude_summer", visibility, false)).unwrap();
+        let medium = medium(&site, wavelength);
+        let shells = Shells::new(&site.strata(), true);
+        for sun_deg in [2.5, 7.5, 15.0, 25.0, 33.0, 45.0, 52.0, 62.0, 66.3, 73.7, 81.3, 86.3f64] {
+            let probe = |exact| Probe::with_fields(shells.clone(), &medium, 8, sun_deg.to_radians(), 1e-3, exact);
+            let (row, own) = (probe(false), probe(true));
+            let within = |found: f64, due: f64, most: f64| {
+                let error = found / due - 1.0;
+                assert!(error.abs() < most, "{visibility} km, {wavelength} µm, sun {sun_deg}: {error:+.1e}");
+            };
+            for look in [Look::Up, Look::Down] {
+                let light = |probe: &Probe| probe.gather(look, 0.0, 0.0).0.radiance(&probe.bundle, 0.3, 0.0)[0];
+                within(light(&row), light(&own), if sun_deg < 80.0 { 3e-4 } else { 2e-3 });
+            }
+            within(row.fluxes().1, own.fluxes().1, if sun_deg < 80.0 { 2e-4 } else { 1e-3 });
+        }
+    }
+}

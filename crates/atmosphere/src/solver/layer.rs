@@ -52,11 +52,14 @@ pub(super) struct Slab<const N: usize> {
 pub(super) struct Source<const N: usize> {
     alpha: Vector<N>,
     beta: Vector<N>,
+    /// The last response that was wanted, and the depth x that it is for: equal parts of a flat layer have one.
+    response: Response<N>,
+    depth: f64,
 }
 
 impl<const N: usize> Default for Source<N> {
     fn default() -> Self {
-        Self { alpha: [0.0; N], beta: [0.0; N] }
+        Self { alpha: [0.0; N], beta: [0.0; N], response: Response::default(), depth: f64::NAN }
     }
 }
 
@@ -189,6 +192,7 @@ impl<const N: usize> Slab<N> {
         Source {
             alpha: apply_transposed(&self.to_alpha, &toward[0]),
             beta: apply_transposed(&self.to_beta, &toward[1]),
+            ..Source::default()
         }
     }
 
@@ -197,16 +201,19 @@ impl<const N: usize> Slab<N> {
     #[inline(always)]
     pub fn lit<const B: usize>(
         &self,
-        sources: &[Source<N>; B],
+        sources: &mut [Source<N>; B],
         falls: &[&Fall; B],
         inside: &mut Inside<N, B>,
     ) -> [[Vector<N>; B]; 2] {
         // The light that has to enter so that none does: half of y above, minus half of it below.
         let (mut sum, mut difference) = ([[0.0; N]; B], [[0.0; N]; B]);
         for b in 0..B {
-            let (Source { alpha, beta }, fall) = (&sources[b], falls[b]);
+            let fall = falls[b];
+            if sources[b].depth != fall.depth {
+                (sources[b].depth, sources[b].response) = (fall.depth, self.modes.response(fall));
+            }
+            let Source { alpha, beta, response, .. } = &sources[b];
             let (top, lambda) = (fall.top, fall.depth / self.depth);
-            let response = self.modes.response(fall);
             for j in 0..N {
                 let source = top * (alpha[j] - lambda * beta[j]) * self.depth;
                 let above = source * response.top[j] - top * beta[j];
@@ -245,7 +252,7 @@ impl<const N: usize> Slab<N> {
     /// That of a beam.
     #[inline(always)]
     pub fn lit_worth(&self, worth: &Worth<N>, source: &Source<N>, fall: &Fall) -> f64 {
-        let Source { alpha, beta } = source;
+        let Source { alpha, beta, .. } = source;
         let lambda = fall.depth / self.depth;
         let response = self.modes.response(fall);
         let mut sums = [0.0; N];
@@ -300,6 +307,12 @@ impl Fall {
         Self { top, depth: -whole.ln(), whole, half: whole.sqrt() }
     }
 
+    /// As steep as another part's, where the two differ by rounding alone.
+    pub fn as_steep_as(self, other: &Fall) -> Self {
+        let alike = (self.depth - other.depth).abs() <= 1e-13;
+        if alike { Self { top: self.top, ..*other } } else { self }
+    }
+
     /// Whether there is a beam.
     pub fn is_lit(&self) -> bool {
         self.top > 0.0
@@ -308,11 +321,19 @@ impl Fall {
 
 /// ξ of each mode with ξ = 0 at both edges under a source f e^(−xs), over f and powers of the depth: ξ′ at the edges, ξ and
 /// ξ′ in the middle.
+#[derive(Clone, Copy)]
 struct Response<const N: usize> {
     top: Vector<N>,
     bottom: Vector<N>,
     middle: Vector<N>,
     middle_slope: Vector<N>,
+}
+
+impl<const N: usize> Default for Response<N> {
+    fn default() -> Self {
+        let nothing = [0.0; N];
+        Self { top: nothing, bottom: nothing, middle: nothing, middle_slope: nothing }
+    }
 }
 
 /// Where kΔ and x are smaller, their power series serve.
@@ -410,8 +431,7 @@ impl<const N: usize> Modes<N> {
     #[inline(always)]
     fn closed(&self, fall: &Fall) -> Response<N> {
         let Fall { depth: x, whole, half, .. } = *fall;
-        let nothing = [0.0; N];
-        let mut response = Response { top: nothing, bottom: nothing, middle: nothing, middle_slope: nothing };
+        let mut response = Response::default();
         for j in 0..N {
             let per = 1.0 / (x * x - self.z[j]);
             response.top[j] = (self.coth[j] - x - whole * self.csch[j]) * per;

@@ -204,7 +204,7 @@ where
     solution.beams.iter_mut().chain([&mut solution.ground]).for_each(Field::clear);
     // Each beam has its own end, whatever beams stand beside it.
     let mut open: Vec<Open> = beams.iter().map(|_| Open::default()).collect();
-    let falling: Vec<Falling> = beams.iter().map(Falling::new).collect();
+    let falling: Vec<Falling> = beams.iter().map(|beam| Falling::new(beam, layers)).collect();
     let grazing = Grazing::new(&quadrature, layers);
     for m in 0..2 * N {
         // Layers from the top down that scatter nothing at this order neither send light nor return it.
@@ -248,8 +248,15 @@ struct Falling<'a> {
 }
 
 impl<'a> Falling<'a> {
-    fn new(beam: &'a Beam) -> Self {
-        let falls = beam.transmittance.windows(2).map(|edges| Fall::new(edges[0], edges[1])).collect();
+    fn new(beam: &'a Beam, layers: &[Scaled]) -> Self {
+        let mut edges = beam.transmittance.windows(2);
+        let mut falls: Vec<Fall> = Vec::with_capacity(edges.len());
+        for layer in layers {
+            for (part, edges) in edges.by_ref().take(layer.parts).enumerate() {
+                let fall = Fall::new(edges[0], edges[1]);
+                falls.push(if part == 0 { fall } else { fall.as_steep_as(&falls[falls.len() - 1]) });
+            }
+        }
         Self { beam, falls }
     }
 }
@@ -431,7 +438,7 @@ where
                     source.1.iter_mut().zip(toward).for_each(|(source, toward)| *source = slab.source(toward));
                 }
                 let falls = beams.map(|falling| &falling.falls[self.above + i]);
-                let [up, down] = slab.lit(&source.1, &falls, inside);
+                let [up, down] = slab.lit(&mut source.1, &falls, inside);
                 add_to(g, &down);
                 lit = up;
             }
@@ -442,12 +449,10 @@ where
         }
 
         // From the top down: the moments of each level.
-        let width = 2 * N - self.order.m;
-        let mut level = Level { stack: self, beams, at: 0, starts: [0; B], above: Default::default() };
-        for (field, start) in fields.iter_mut().zip(&mut level.starts) {
-            *start = field.moments.len();
+        let mut level = Level { stack: self, beams, at: 0, above: Default::default() };
+        for field in &mut fields {
             field.streams = 2 * N;
-            field.moments.resize(*start + (2 * self.joined.len() + 1) * width + 2 * N, 0.0);
+            field.moments.reserve((2 * self.joined.len() + 1) * (2 * N - self.order.m) + 2 * N);
         }
         let toward = toward.map_or([[0.0; N]; B], |toward| toward.map(|[even, _]| even));
         let mut down = [[0.0; N]; B];
@@ -481,8 +486,7 @@ where
                     level.put(slab.moments.of(&xi, &eta), &own, &mut fields);
                 }
                 None => {
-                    // J is nothing in its middle.
-                    level.at += 1;
+                    level.skip(&mut fields);
                     let t = self.clear(part);
                     down.iter_mut().for_each(|down| down.iter_mut().zip(t).for_each(|(d, t)| *d *= t));
                     up = apply_to_each(&part.below, &down);
@@ -495,8 +499,7 @@ where
             }
             level.put(self.order.moments_at_nodes.of(&x, &y), &own, &mut fields);
         }
-        for ((field, start), down) in fields.into_iter().zip(level.starts).zip(&down) {
-            field.moments.truncate(start + (2 * self.joined.len() + 1) * width);
+        for (field, down) in fields.into_iter().zip(&down) {
             field.orders.push(Rows { first: 2 * self.above, end: field.moments.len() });
             if self.order.m == 0 {
                 field.arrives = self.order.flux(down);
@@ -538,8 +541,6 @@ struct Level<'a, const N: usize, const B: usize> {
     beams: Option<[&'a Falling<'a>; B]>,
     /// Counted from the upper edge of the stack.
     at: usize,
-    /// Where the order begins in each field.
-    starts: [usize; B],
     /// J at the horizon just above it.
     above: LevelSource<N, B>,
 }
@@ -572,13 +573,24 @@ impl<const N: usize, const B: usize> Level<'_, N, B> {
                 }
             }
         }
-        // Rows lie close; what each has too much the next overwrites.
-        let width = 2 * N - order.m;
         for b in 0..B {
-            let (pairs, _) = fields[b].moments[self.starts[b] + self.at * width..][..2 * N].as_chunks_mut::<2>();
+            let mut row = [[0.0; 2]; N];
             for j in 0..N {
-                pairs[j] = [even[b][j], odd[b][j]];
+                row[j] = [even[b][j], odd[b][j]];
             }
+            // All of it, and what is too much taken back: a copy of a size known to the compiler.
+            let moments = &mut fields[b].moments;
+            moments.extend_from_slice(row.as_flattened());
+            moments.truncate(moments.len() - order.m);
+        }
+        self.at += 1;
+    }
+
+    /// Leaves out a level at which nothing scatters.
+    fn skip(&mut self, fields: &mut [&mut Field; B]) {
+        for field in fields {
+            let filled = field.moments.len() + 2 * N - self.stack.order.m;
+            field.moments.resize(filled, 0.0);
         }
         self.at += 1;
     }
