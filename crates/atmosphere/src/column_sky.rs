@@ -132,7 +132,7 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
         false => Vec::new(),
     };
     let mut skies = Vec::new();
-    let mut by_sun: Vec<Vec<(SunDepths, Vec<Field>)>> = vec![Vec::new(); zeniths.len()];
+    let mut by_sun: Vec<Vec<LitBundle>> = vec![Vec::new(); zeniths.len()];
     let mut grounds = Vec::new();
     for solved in bundles {
         skies.extend(solved.skies);
@@ -161,7 +161,7 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
         notes: air.notes,
         shells,
     });
-    let by_sun: Vec<Arc<Vec<(SunDepths, Vec<Field>)>>> = by_sun.into_iter().map(Arc::new).collect();
+    let by_sun: Vec<Arc<Vec<LitBundle>>> = by_sun.into_iter().map(Arc::new).collect();
     let mut next = 0..;
     let places: Vec<Option<usize>> = lit.iter().map(|lit| lit.then(|| next.next().unwrap_or(0))).collect();
     // By sun and ground.
@@ -211,6 +211,9 @@ struct Workspace {
     mixed: Gathered,
 }
 
+/// A bundle under one sun: depths towards it, and the field of each column.
+type LitBundle = (SunDepths, Vec<Field>);
+
 /// Columns of the ladder, solved.
 struct Solved {
     bundle: Bundle,
@@ -218,7 +221,7 @@ struct Solved {
     /// By column; nothing where none is asked for.
     skies: Vec<NodeSky>,
     /// By sun, each by column, and over a ground that shines, as far up as paths reach; nothing where none are asked for.
-    lit: Vec<(SunDepths, Vec<Field>)>,
+    lit: Vec<LitBundle>,
     grounds: Vec<Field>,
 }
 
@@ -700,7 +703,7 @@ struct ColumnSkyState {
     terms: Vec<Spectrum<Radiance>>,
     sky: Option<(Nodes, Shape)>,
     /// Of the columns, bundle by bundle.
-    lit: Arc<Vec<(SunDepths, Vec<Field>)>>,
+    lit: Arc<Vec<LitBundle>>,
     /// What the air at the ground sends into directions, as far as they were asked for, at every entry.
     near: Vec<OnceLock<Vec<Source>>>,
 }
@@ -840,20 +843,19 @@ impl ColumnSkyState {
         weighed.resize_with(1, Weighed::default);
         let mut crossed = Crossed::default();
         // By the sun, by a ground of radiance 1, and what comes through.
-        let mut seen =
-            |(sight, fan): &(Sight, Fan), bundle: &Bundle, grounds: &[Field], lit: &(SunDepths, Vec<Field>)| {
-                let mut lanes = [[0.0; LANES]; 3];
-                for (lane, optics) in bundle.columns.iter().enumerate() {
-                    let (field, ground) = (&lit.1[lane], &grounds[lane]);
-                    weighed[0].weigh(optics, sight, &field.starts(), false);
-                    crossed.take(&weighed[0], lane);
-                    project(&weighed, std::slice::from_ref(field), lane, &mut projected);
-                    (lanes[1][lane], lanes[2][lane]) = (gather_ground(&weighed[0], ground), weighed[0].transmittance());
-                }
-                gather(bundle, sight, &crossed, fan, &lit.0, &projected[0], &mut gathered);
-                lanes[0] = gathered.all[0].radiance(bundle, cos_scattering, between);
-                lanes
-            };
+        let mut seen = |(sight, fan): &(Sight, Fan), bundle: &Bundle, grounds: &[Field], lit: &LitBundle| {
+            let mut lanes = [[0.0; LANES]; 3];
+            for (lane, optics) in bundle.columns.iter().enumerate() {
+                let (field, ground) = (&lit.1[lane], &grounds[lane]);
+                weighed[0].weigh(optics, sight, &field.starts(), false);
+                crossed.take(&weighed[0], lane);
+                project(&weighed, std::slice::from_ref(field), lane, &mut projected);
+                (lanes[1][lane], lanes[2][lane]) = (gather_ground(&weighed[0], ground), weighed[0].transmittance());
+            }
+            gather(bundle, sight, &crossed, fan, &lit.0, &projected[0], &mut gathered);
+            lanes[0] = gathered.all[0].radiance(bundle, cos_scattering, between);
+            lanes
+        };
         let to_sun = self.to_sun(crossed_layers, (low, high));
         let mut columns = Vec::new();
         for ((bundle, lattice, grounds), lit) in shared.grounds.iter().zip(self.lit.iter()) {

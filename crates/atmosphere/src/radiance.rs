@@ -1045,7 +1045,7 @@ wide_too! {
                 continue;
             }
             for (fields, out) in fields.chunks(4).zip(out[r].chunks_mut(4)) {
-                if let (Some(fields), Some(out)) = (fields.as_array::<4>(), out.as_mut_array::<4>()) {
+                if let (Ok(fields), Ok(out)) = (<&[Field; 4]>::try_from(fields), <&mut [Projected; 4]>::try_from(&mut *out)) {
                     by_place(ray, fields.each_ref(), lane, out.each_mut());
                 } else {
                     fields.iter().zip(out).for_each(|(field, out)| by_place(ray, [field], lane, [out]));
@@ -1066,7 +1066,7 @@ wide_too! {
         }
         for r in whole {
             for (fields, out) in fields.chunks(4).zip(out[r].chunks_mut(4)) {
-                if let Some(fields) = fields.as_array::<4>() {
+                if let Ok(fields) = <&[Field; 4]>::try_from(fields) {
                     let centres = centres(&rays[r], fields.each_ref());
                     out.iter_mut().zip(centres).for_each(|(out, centre)| out.centre[lane] = centre);
                 } else {

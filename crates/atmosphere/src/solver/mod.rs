@@ -568,9 +568,7 @@ impl<const N: usize, const B: usize> Level<'_, N, B> {
                 let from_above = dot(&self.above.by_moment, &even[b]) + self.above.by_beam[b] * passes;
                 let from_below = dot(&below.by_moment, &even[b]) + below.by_beam[b] * passes;
                 let mended = 0.5 * (up * (from_ground - from_below) - down * from_above);
-                for j in 0..N {
-                    even[b][j] += mended * order.level[j];
-                }
+                even[b].iter_mut().zip(&order.level).for_each(|(c, own)| *c += mended * own);
             }
         }
         for b in 0..B {
