@@ -464,29 +464,17 @@ impl Scattering {
     fn values(&self, bundle: &Bundle) -> Vec<Vec<Lanes>> {
         let most = bundle.columns.iter().map(|column| column.phases.len()).max().unwrap_or(0);
         let mut values = vec![vec![[0.0; LANES]; self.turns.len()]; most];
-        for (phase, values) in values.iter_mut().enumerate() {
-            // What the columns mix, each part once.
-            let mut parts: Vec<(Arc<Phase>, Lanes)> = Vec::new();
-            for (lane, column) in bundle.columns.iter().enumerate() {
-                for (share, part) in column.phases.get(phase).into_iter().flat_map(Phase::parts) {
-                    match parts.iter_mut().find(|(known, _)| Arc::ptr_eq(known, &part)) {
-                        Some((_, lanes)) => lanes[lane] += share,
-                        None => {
-                            let mut lanes = [0.0; LANES];
-                            lanes[lane] = share;
-                            parts.push((part, lanes));
-                        }
-                    }
-                }
-            }
-            for (part, shares) in &parts {
-                let add = |(sums, p): (&mut Lanes, f64)| sums.iter_mut().zip(shares).for_each(|(sum, s)| *sum += s * p);
-                match self.tables.get(&(Arc::as_ptr(part) as usize)) {
-                    Some(table) => values.iter_mut().zip(table.iter().copied()).for_each(add),
-                    None => {
-                        let of = |turn: &Turn| part.value(turn.cos_scattering);
-                        values.iter_mut().zip(self.turns.iter().map(of)).for_each(add);
-                    }
+        // What is in no table, by address.
+        let mut computed: HashMap<usize, Vec<f64>> = HashMap::new();
+        for (lane, column) in bundle.columns.iter().enumerate() {
+            for (sums, phase) in values.iter_mut().zip(&column.phases) {
+                // In the column's own order, whatever columns stand beside it.
+                for (share, part) in phase.parts() {
+                    let address = Arc::as_ptr(&part) as usize;
+                    let known = self.tables.get(&address);
+                    let at_turns = || self.turns.iter().map(|turn| part.value(turn.cos_scattering)).collect();
+                    let table = known.unwrap_or_else(|| computed.entry(address).or_insert_with(at_turns));
+                    sums.iter_mut().zip(table).for_each(|(sum, p)| sum[lane] += share * p);
                 }
             }
         }
