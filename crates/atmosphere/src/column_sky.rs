@@ -297,6 +297,7 @@ const AZIMUTHS: [f64; 15] =
 /// change along its way.
 pub(crate) const GATHERED: [&[f64]; 4] =
     [&[0.0], &[0.0, PI], &[0.0, PI / 2.0, PI], &[0.0, PI / 4.0, PI / 2.0, 3.0 * PI / 4.0, PI]];
+
 /// A node nearer to the sun counts as one this far from it \[rad\]: the tip of a peak tells little of what lies around it.
 const TIP: f64 = 1.7 * PI / 180.0;
 
@@ -338,11 +339,15 @@ impl Nodes {
     /// suns. Beyond 78° light is told apart by the place it comes from, and only the sun's own depths have to follow.
     pub(crate) fn gathered(round: bool, zenith: f64, sun: f64) -> usize {
         let (zenith, sun) = (zenith.to_degrees(), sun.to_degrees());
-        match zenith {
-            zenith if !round || zenith == 0.0 => 0,
-            zenith if sun <= 60.0 || sun <= 80.0 && zenith >= 80.0 => 1,
-            zenith if sun <= 75.0 || sun <= 86.0 && zenith >= 80.0 || zenith < 72.0 => 2,
-            _ => 3,
+        let told_apart = zenith >= 80.0;
+        if !round || zenith == 0.0 {
+            0
+        } else if sun <= 60.0 || told_apart && sun <= 80.0 {
+            1
+        } else if sun <= 75.0 || told_apart && sun <= 86.0 || zenith < 72.0 {
+            2
+        } else {
+            3
         }
     }
 

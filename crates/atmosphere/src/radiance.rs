@@ -1091,9 +1091,7 @@ fn block<const R: usize, const F: usize>(
     let like = |r: usize| (rays[of[r]].first, rays[of[r]].centres.len(), rays[of[r]].orders);
     let alike = (0..R).all(|r| like(r) == like(0));
     for m in 0..most {
-        let alike =
-            alike && fields.iter().all(|field| m < orders(0, field) && field.order(m).0 == fields[0].order(m).0);
-        if alike {
+        if alike && alike_at(&rays[of[0]], &fields, m) {
             let kernels = std::array::from_fn(|r| rays[of[r]].beside(fields[0], m).1[0]);
             let sums: [[f64; F]; R] = dots(kernels, fields.map(|field| rays[of[0]].beside(field, m).1[1]));
             for (sums, r) in sums.iter().zip(of) {
@@ -1124,6 +1122,7 @@ fn by_level<const F: usize>(ray: &Weighed, fields: [&Field; F], m: usize, mut ea
 }
 
 /// Whether some fields have an order at the same levels.
+#[inline(always)]
 fn alike_at(ray: &Weighed, fields: &[&Field], m: usize) -> bool {
     fields.iter().all(|field| m < ray.orders_of(field) && field.order(m).0 == fields[0].order(m).0)
 }

@@ -34,12 +34,7 @@ pub(crate) fn transpose<const N: usize>(a: &Matrix<N>) -> Matrix<N> {
 /// Aᵀ x, which for a symmetric A is A x: the form whose sums run side by side.
 #[inline(always)]
 pub(crate) fn apply_transposed<const N: usize>(a: &Matrix<N>, x: &Vector<N>) -> Vector<N> {
-    let mut out = [0.0; N];
-    for (a, x) in a.iter().zip(x) {
-        for (out, a) in out.iter_mut().zip(a) {
-            *out += a * x;
-        }
-    }
+    let [out] = apply_to_each(a, &[*x]);
     out
 }
 

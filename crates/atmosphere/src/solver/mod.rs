@@ -208,11 +208,8 @@ where
     let grazing = Grazing::new(&quadrature, layers);
     for m in 0..2 * N {
         // Layers from the top down that scatter nothing at this order neither send light nor return it.
-        let dark = layers.iter().take_while(|layer| !layer.counts_at(m, accuracy)).count();
-        if m > 0 && dark == layers.len() {
-            break;
-        }
-        let dark = if m == 0 { 0 } else { dark };
+        let scatters = |layer: &Scaled| m == 0 || layer.counts_at(m, accuracy);
+        let Some(dark) = layers.iter().position(scatters) else { break };
         let above = layers[..dark].iter().map(|layer| layer.parts).sum();
         let order = Order::new(m, &quadrature);
         let operators = operators(&order, &layers[dark..]);
