@@ -26,7 +26,7 @@ use crate::radiance::{
     SunDepths, SunRays, Turn, Weighed, arriving_at, gather, gather_ground, mix_azimuths, project, solve_entry,
 };
 use crate::ray::Shells;
-use crate::solver::{Field, Solution};
+use crate::solver::{Cut, Field, Solution};
 use crate::wide::{exp, wide_too};
 use crate::{Needs, Path, SkyState, Sun};
 
@@ -81,16 +81,16 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
         }
     };
     // One lattice for all columns.
-    let mut parts = vec![1; air.strata.heights.len() - 1];
+    let mut cuts = vec![Cut { parts: 1, middles: false }; air.strata.heights.len() - 1];
     for medium in &ladder.densest {
-        let wanted = Optics::new(medium, &shells, settings.streams, false).parts();
-        parts.iter_mut().zip(wanted).for_each(|(most, wanted)| *most = wanted.max(*most));
+        let wanted = Optics::new(medium, &shells, settings.streams, false).cuts();
+        cuts.iter_mut().zip(wanted).for_each(|(cut, wanted)| *cut = cut.and(wanted));
     }
     let mut lattices = Lattices::default();
     let optics: Vec<Optics> = (ladder.columns.par_iter())
         .map(|Rung { medium, beside }| {
             let streams = if *beside { settings.streams.min(STREAMS_BESIDE) } else { settings.streams };
-            Optics::in_parts(medium, &shells, streams, &parts)
+            Optics::with_cuts(medium, &shells, streams, &cuts)
         })
         .collect();
     let places: Vec<usize> = optics.iter().map(|optics| lattices.of(&shells, optics, &zeniths)).collect();
@@ -102,10 +102,10 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
         .map_init(Workspace::default, |workspace, (place, bundle)| {
             let (lattice, fields) = (&lattices.lattices[place], &lattices.fields[place]);
             let depths: Vec<SunDepths> = lattices.rays[place].iter().map(|sun| sun.depths(&bundle)).collect();
-            let first = 2 * lattice.first_below(keep);
+            let (level, row) = lattice.starts_at(lattice.first_below(keep));
             let mut solved = Solved { bundle, lattice: place, skies: Vec::new(), lit: Vec::new(), grounds: Vec::new() };
             if paths {
-                let of_sun = |depths: &SunDepths| (depths.below(first), Vec::with_capacity(LANES));
+                let of_sun = |depths: &SunDepths| (depths.below(level), Vec::with_capacity(LANES));
                 solved.lit = depths.iter().map(of_sun).collect();
             }
             for (lane, optics) in solved.bundle.columns.iter().enumerate() {
@@ -116,9 +116,9 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
                 if paths {
                     let Solution { beams, ground } = &workspace.solution;
                     for (i, ((_, lit), sun)) in solved.lit.iter_mut().zip(&zeniths).enumerate() {
-                        lit.push(fields.field_of(beams, i, *sun, first));
+                        lit.push(fields.field_of(beams, i, *sun, row));
                     }
-                    solved.grounds.push(Field::mixed(std::slice::from_ref(ground), &[1.0], first));
+                    solved.grounds.push(Field::mixed(std::slice::from_ref(ground), &[1.0], row));
                 }
             }
             if directional {

@@ -24,7 +24,7 @@ use std::sync::{Arc, LazyLock};
 use crate::medium::Medium;
 use crate::phase::Phase;
 use crate::ray::{Shells, Stretch};
-use crate::solver::{Arriving, Beam, Field, STREAMS, Scaled, Solution, arriving, normalised, solve};
+use crate::solver::{Arriving, Beam, Cut, Field, STREAMS, Scaled, Solution, arriving, normalised, solve};
 use crate::wide::{exp, wide_too};
 
 /// A column at one entry, as the solver and the line of sight take it.
@@ -51,6 +51,8 @@ pub(crate) struct Optics {
 fn thickest(streams: usize) -> f64 {
     (12.8 / (streams * streams) as f64).clamp(0.006, 0.1)
 }
+/// Parts of less than this share of it have J as a straight line between their edges.
+const THIN: f64 = 0.2;
 /// Where a layer scatters less than this share of its extinction, its parts are thicker in proportion: J counts for less.
 const PALE: f64 = 0.2;
 /// Parts a layer is cut in at most.
@@ -62,17 +64,17 @@ impl Optics {
         Self::cut(medium, shells, streams, whole, None)
     }
 
-    /// With layers cut in given parts.
-    pub fn in_parts(medium: &Medium, shells: &Shells, streams: usize, parts: &[usize]) -> Self {
-        Self::cut(medium, shells, streams, false, Some(parts))
+    /// With layers cut as given.
+    pub fn with_cuts(medium: &Medium, shells: &Shells, streams: usize, cuts: &[Cut]) -> Self {
+        Self::cut(medium, shells, streams, false, Some(cuts))
     }
 
-    /// Parts that serve columns of no more scattering than this one.
-    pub fn parts(&self) -> Vec<usize> {
-        self.layers.iter().map(|layer| layer.parts).collect()
+    /// Cuts that serve columns of no more scattering than this one.
+    pub fn cuts(&self) -> Vec<Cut> {
+        self.layers.iter().map(|layer| layer.cut).collect()
     }
 
-    fn cut(medium: &Medium, shells: &Shells, streams: usize, whole: bool, given: Option<&[usize]>) -> Self {
+    fn cut(medium: &Medium, shells: &Shells, streams: usize, whole: bool, given: Option<&[Cut]>) -> Self {
         let moments: Vec<_> = medium.phases.iter().map(|phase| phase.moments(streams)).collect();
         let n = medium.layers.len();
         let mut optics = Self {
@@ -101,11 +103,12 @@ impl Optics {
             };
             let worth = depth.min((scattering - peak) / PALE);
             let parts = ((worth / thickest(streams)).ceil() as usize).clamp(1, if whole { 1 } else { MOST_PARTS });
-            let parts = given.map_or(parts, |given| given[i]);
+            let middles = !whole && worth > THIN * thickest(streams) * parts as f64;
+            let cut = given.map_or(Cut { parts, middles }, |given| given[i]);
             optics.extinction.push(layer.extinction() * per_metre);
             optics.scaled.push(depth * per_metre);
             optics.scattering.extend(layer.scattering.iter().map(|s| s * per_metre));
-            optics.layers.push(Scaled { depth: depth / parts as f64, parts, coupling });
+            optics.layers.push(Scaled { depth: depth / cut.parts as f64, cut, coupling });
             let of_peaked = |c: usize| if peaked[c] { layer.scattering[c] } else { 0.0 };
             optics.tail.push((0..moments.len()).map(of_peaked).sum::<f64>() * per_metre);
             tails.iter_mut().enumerate().for_each(|(c, sum)| *sum += of_peaked(c));
@@ -267,26 +270,30 @@ impl Turn {
     }
 }
 
-/// Where the solver knows the field: the edges and middles of the parts of each layer.
+/// The parts of each layer, and where the solver knows the field.
 #[derive(Clone, Debug)]
 pub(crate) struct Lattice {
-    /// Heights of edges and middles \[m\], from the top down.
+    /// Heights of edges and middles \[m\], from the top down: what the parts see of the sun.
     pub levels: Vec<f64>,
     /// Layer of each part.
     layer_of: Vec<usize>,
+    /// The row of the field at each edge; a part whose middle has one between its edges' skips one.
+    rows: Vec<usize>,
     /// First part of each layer.
     first: Vec<usize>,
 }
 
 impl Lattice {
     pub fn new(shells: &Shells, optics: &Optics) -> Self {
-        let mut lattice = Self { levels: vec![shells.top()], layer_of: Vec::new(), first: Vec::new() };
+        let mut lattice = Self { levels: vec![shells.top()], layer_of: Vec::new(), rows: vec![0], first: Vec::new() };
         for (i, layer) in optics.layers.iter().enumerate() {
             lattice.first.push(lattice.layer_of.len());
             let (top, bottom) = (shells.heights[i], shells.heights[i + 1]);
-            for part in 0..layer.parts {
-                let at = |half: usize| top + (bottom - top) * half as f64 / (2 * layer.parts) as f64;
+            let Cut { parts, middles } = layer.cut;
+            for part in 0..parts {
+                let at = |half: usize| top + (bottom - top) * half as f64 / (2 * parts) as f64;
                 lattice.levels.extend([at(2 * part + 1), at(2 * part + 2)]);
+                lattice.rows.push(lattice.rows[lattice.layer_of.len()] + 1 + usize::from(middles));
                 lattice.layer_of.push(i);
             }
         }
@@ -297,7 +304,18 @@ impl Lattice {
     pub fn serves(&self, optics: &Optics) -> bool {
         let ends = self.first.iter().skip(1).copied().chain([self.layer_of.len()]);
         self.first.len() == optics.layers.len()
-            && self.first.iter().zip(ends).zip(&optics.layers).all(|((a, b), layer)| b - a == layer.parts)
+            && (self.first.iter().zip(ends).zip(&optics.layers))
+                .all(|((a, b), layer)| Cut { parts: b - a, middles: self.has_middle(*a) } == layer.cut)
+    }
+
+    /// Whether the field is known in the middle of a part.
+    fn has_middle(&self, part: usize) -> bool {
+        self.rows[part + 1] - self.rows[part] == 2
+    }
+
+    /// Where a part begins: its first level, and its first row of the field.
+    pub fn starts_at(&self, part: usize) -> (usize, usize) {
+        (2 * part, self.rows[part])
     }
 
     /// The first part that reaches below a height, from the top down.
@@ -511,7 +529,7 @@ impl SunDepths {
     #[inline(always)]
     fn tail_at(&self, point: &Point) -> Lanes {
         let mut sum = [0.0; LANES];
-        for (level, share) in point.levels() {
+        for (level, share) in point.levels.iter() {
             let tail = &self.tail[level.saturating_sub(self.from)];
             for lane in 0..LANES {
                 sum[lane] += share * tail[lane];
@@ -618,29 +636,52 @@ impl FieldSuns {
         fields[from..].iter().zip(shares).map(|(field, share)| share * field.arrives).sum::<f64>().max(0.0)
     }
 
-    /// The field of a sun of the site itself from a level down, from those that were solved.
-    pub fn field_of(&self, fields: &[Field], index: usize, zenith: f64, level: usize) -> Field {
+    /// The field of a sun of the site itself from a row down, from those that were solved.
+    pub fn field_of(&self, fields: &[Field], index: usize, zenith: f64, row: usize) -> Field {
         let (from, shares) = self.shares(index, zenith, 0.0);
         let used = &fields[from..(from + 4).min(fields.len())];
-        Field::mixed(used, &shares[..used.len()], level)
+        Field::mixed(used, &shares[..used.len()], row)
     }
 }
 
-/// A point of a ray: up to three levels of the lattice and their shares.
+/// Up to three places in a row and their shares.
+#[derive(Clone, Copy, Debug, Default)]
+struct Among {
+    places: [(usize, f64); 3],
+    used: usize,
+}
+
+impl Among {
+    /// `at` beyond the first of a row, by a parabola through three or a straight line between two.
+    fn new(first: usize, at: f64, parabola: bool) -> Self {
+        let nearest = at.round();
+        if (at - nearest).abs() < 1e-9 {
+            return Self { places: [(first + nearest as usize, 1.0), (0, 0.0), (0, 0.0)], used: 1 };
+        }
+        if !parabola {
+            return Self { places: [(first, 1.0 - at), (first + 1, at), (0, 0.0)], used: 2 };
+        }
+        let t = at - 1.0;
+        let shares = [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)];
+        Self { places: std::array::from_fn(|k| (first + k, shares[k])), used: 3 }
+    }
+
+    fn iter(&self) -> impl Iterator<Item = (usize, f64)> {
+        self.places[..self.used].iter().copied()
+    }
+}
+
+/// A point of a ray.
 #[derive(Clone, Debug)]
 struct Point {
-    levels: [(usize, f64); 3],
-    used: usize,
+    /// Among the levels of the lattice.
+    levels: Among,
+    /// Among the rows of the field; none where the ends of the piece tell J.
+    rows: Among,
     /// Cosine of the ray's zenith angle.
     cosine: f64,
     /// Angle at the Earth's centre from the site \[rad\].
     centre: f64,
-}
-
-impl Point {
-    fn levels(&self) -> impl Iterator<Item = (usize, f64)> {
-        self.levels[..self.used].iter().copied()
-    }
 }
 
 /// Which end of a ray looks at the other.
@@ -655,14 +696,31 @@ pub(crate) enum Look {
 /// A ray through a lattice, from whoever looks.
 #[derive(Clone, Debug)]
 pub(crate) struct Sight {
-    /// Layers of the parts that it crosses; ends and middle of the ith are points 2i, 2i + 1, 2i + 2.
-    layers: Vec<usize>,
+    /// What it crosses of the parts.
+    pieces: Vec<Piece>,
     /// Between the points \[m\].
     lengths: Vec<f64>,
     points: Vec<Point>,
     /// Λ_l^m of the light's direction at each point, orders one after another; one set where the ray is straight.
     legendre: Vec<Vec<f64>>,
     streams: usize,
+}
+
+/// What a ray crosses of one part.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    layer: usize,
+    /// Its points: this one, and as many more as it has steps, one or two. Two meet in its middle.
+    first: usize,
+    steps: usize,
+    /// Whether J is a parabola within, not a straight line.
+    parabola: bool,
+}
+
+impl Piece {
+    fn last(&self) -> usize {
+        self.first + self.steps
+    }
 }
 
 /// Cosines that differ by less count as one.
@@ -680,11 +738,12 @@ impl Sight {
         streams: usize,
         orders: usize,
     ) -> Self {
-        let (mut layers, mut lengths, mut points) = (Vec::new(), Vec::new(), Vec::<Point>::new());
+        let (mut pieces, mut lengths, mut points) = (Vec::<Piece>::new(), Vec::new(), Vec::<Point>::new());
         let mut rest = longest;
         'ray: for stretch in shells.rising(from, zenith, end) {
             for part in lattice.parts(stretch.layer) {
                 let (top, bottom) = (lattice.levels[2 * part], lattice.levels[2 * part + 2]);
+                let parabola = lattice.has_middle(part);
                 let lowest = part + 1 == lattice.layer_of.len(); // goes on below the ground
                 let low = if lowest { stretch.low } else { stretch.low.max(bottom) };
                 let mut high = stretch.high.min(top);
@@ -696,13 +755,19 @@ impl Sight {
                     // Where the length runs out, to first order in what is left.
                     high = low + (high - low) * rest / whole;
                 }
-                let heights = [low, 0.5 * (low + high), high];
-                let along = heights.map(|h| shells.length(&stretch, h));
-                for h in &heights[usize::from(!points.is_empty())..] {
-                    points.push(Point::new(shells, &stretch, part, *h, (top, bottom)));
+                // On a flat Earth the middle tells nothing of the sun that the ends do not.
+                let steps = if parabola || shells.is_round() { 2 } else { 1 };
+                let at = |step: usize| low + (high - low) * (step as f64 / steps as f64);
+                for step in usize::from(!points.is_empty())..=steps {
+                    let mut point = Point::new(shells, &stretch, lattice, part, at(step));
+                    if step == 1 && steps == 2 && !parabola {
+                        point.rows = Among::default();
+                    }
+                    points.push(point);
                 }
-                layers.push(stretch.layer);
-                lengths.extend([along[1] - along[0], along[2] - along[1]]);
+                pieces.push(Piece { layer: stretch.layer, first: 0, steps, parabola });
+                let along = (0..=steps).map(|step| shells.length(&stretch, at(step))).collect::<Vec<f64>>();
+                lengths.extend(along.windows(2).map(|ends| ends[1] - ends[0]));
                 rest -= whole;
                 if rest <= 0.0 {
                     break 'ray;
@@ -710,9 +775,13 @@ impl Sight {
             }
         }
         if look == Look::Down {
-            layers.reverse();
+            pieces.reverse();
             lengths.reverse();
             points.reverse();
+        }
+        let mut first = 0;
+        for piece in &mut pieces {
+            (piece.first, first) = (first, first + piece.steps);
         }
         let table = |cosine: f64| {
             let mu = if look == Look::Up { -cosine } else { cosine };
@@ -730,7 +799,7 @@ impl Sight {
             true => vec![table(0.5 * (low + high))],
             false => cosines().map(table).collect(),
         };
-        Self { layers, lengths, points, legendre, streams }
+        Self { pieces, lengths, points, legendre, streams }
     }
 
     /// Whether the sun changes along the ray by more than the sun of one place can stand for.
@@ -744,17 +813,15 @@ impl Sight {
 }
 
 impl Point {
-    fn new(shells: &Shells, stretch: &Stretch, part: usize, height: f64, (top, bottom): (f64, f64)) -> Self {
+    fn new(shells: &Shells, stretch: &Stretch, lattice: &Lattice, part: usize, height: f64) -> Self {
+        let (top, bottom) = (lattice.levels[2 * part], lattice.levels[2 * part + 2]);
         let place = (2.0 * (top - height) / (top - bottom)).clamp(0.0, 2.0);
-        let nearest = place.round();
-        let (levels, used) = if (place - nearest).abs() < 1e-9 {
-            ([(2 * part + nearest as usize, 1.0), (0, 0.0), (0, 0.0)], 1)
-        } else {
-            let t = place - 1.0;
-            let shares = [0.5 * t * (t - 1.0), 1.0 - t * t, 0.5 * t * (t + 1.0)];
-            (std::array::from_fn(|k| (2 * part + k, shares[k])), 3)
+        let levels = Among::new(2 * part, place, true);
+        let rows = match lattice.has_middle(part) {
+            true => Among::new(lattice.rows[part], place, true),
+            false => Among::new(lattice.rows[part], 0.5 * place, false),
         };
-        Self { levels, used, cosine: shells.cosine(stretch, height), centre: shells.centre(stretch, height) }
+        Self { levels, rows, cosine: shells.cosine(stretch, height), centre: shells.centre(stretch, height) }
     }
 }
 
@@ -856,7 +923,7 @@ impl Fan {
             fan.fields.push(std::array::from_fn(at));
             for point in &sight.points {
                 let steps = offset_at(point.centre, *azimuth) / offsets.step;
-                fan.suns.extend(point.levels().map(|level| SunAt::new(offsets, from, level, steps)));
+                fan.suns.extend(point.levels.iter().map(|level| SunAt::new(offsets, from, level, steps)));
             }
         }
         fan
@@ -876,7 +943,7 @@ impl Fan {
 pub(crate) struct Weighed {
     /// Scaled optical depth to each point.
     passed: Vec<f64>,
-    /// The first level that it draws on, and how far along the ray each is: the angle at the Earth's centre \[rad\].
+    /// The first row of a field that it draws on, and how far along the ray each is: the angle at the Earth's centre \[rad\].
     first: usize,
     centres: Vec<f64>,
     /// What c_l^m counts for, by m, level and l, at the levels where fields have it; of so many orders.
@@ -908,29 +975,39 @@ impl Weighed {
         tail.0.clear();
         tail.1.clear();
         let mut tail_passed = 0.0;
-        for (s, layer) in sight.layers.iter().enumerate() {
-            let beta = optics.scaled[*layer];
-            let [near, far] = [2 * s, 2 * s + 1].map(|half| sight.lengths[half] * beta);
-            for half in [2 * s, 2 * s + 1] {
-                let own = optics.tail[*layer] * sight.lengths[half];
-                tail.0.push(0.5 * optics.tail[*layer]);
+        for piece in &sight.pieces {
+            let Piece { layer, first, .. } = *piece;
+            let mut depths = [0.0; 2];
+            for (depth, step) in depths.iter_mut().zip(first..piece.last()) {
+                let length = sight.lengths[step];
+                *depth = length * optics.scaled[layer];
+                passed[step + 1] = passed[step] + *depth;
+                let own = optics.tail[layer] * length;
+                tail.0.push(0.5 * optics.tail[layer]);
                 tail.1.push(tail_passed + 0.5 * own);
                 tail_passed += own;
             }
-            let so_far = passed[2 * s];
-            (passed[2 * s + 1], passed[2 * s + 2]) = (so_far + near, so_far + near + far);
-            let depth = near + far;
+            let (so_far, depth) = (passed[first], depths[0] + depths[1]);
             if depth <= 0.0 || so_far > 700.0 {
                 continue;
             }
             let transmitted = (-so_far).exp() * depth;
-            for (i, weight) in parabola(depth, near / depth).into_iter().enumerate() {
-                let weight = weight * transmitted;
-                let row = &mut coefficients[(2 * s + i) * streams..][..streams];
-                row.iter_mut().zip(&optics.layers[*layer].coupling).for_each(|(k, c)| *k += weight * c);
+            let mut draw = |point: usize, weight: f64| {
+                let row = &mut coefficients[point * streams..][..streams];
+                row.iter_mut().zip(&optics.layers[layer].coupling).for_each(|(k, c)| *k += weight * transmitted * c);
+            };
+            let [near, middle, far] = parabola(depth, if piece.steps == 2 { depths[0] / depth } else { 0.5 });
+            if piece.parabola {
+                draw(first, near);
+                draw(first + 1, middle);
+                draw(piece.last(), far);
+            } else {
+                // Halfway between the ends in height J is their mean.
+                draw(first, near + 0.5 * middle);
+                draw(piece.last(), far + 0.5 * middle);
             }
         }
-        let levels = || sight.points.iter().flat_map(Point::levels).map(|(level, _)| level);
+        let levels = || sight.points.iter().flat_map(|point| point.rows.iter()).map(|(level, _)| level);
         let (lowest, last) = levels().fold((usize::MAX, 0), |(a, b), level| (a.min(level), b.max(level)));
         let count = if n == 0 { 0 } else { last - lowest + 1 };
         self.first = lowest;
@@ -940,7 +1017,7 @@ impl Weighed {
         let mut met = vec![false; count];
         let mut meetings = Vec::with_capacity(n);
         for (i, point) in sight.points.iter().enumerate() {
-            for (level, share) in point.levels() {
+            for (level, share) in point.rows.iter() {
                 let level = level - lowest;
                 self.centres[level] = point.centre;
                 meetings.push(Meeting { point: i, level, share, first: !std::mem::replace(&mut met[level], true) });
@@ -1428,7 +1505,7 @@ wide_too! {
             for ((depth, light), (point, [passed, through])) in
                 depth.iter_mut().zip(&mut *light).zip(sight.points.iter().zip(&crossed.passed))
             {
-                let (own, rest) = suns.split_at(point.used);
+                let (own, rest) = suns.split_at(point.levels.used);
                 suns = rest;
                 if flat {
                     let place = (own[0].first as usize).min(depths.depths.len() - 1);
@@ -1467,10 +1544,16 @@ wide_too! {
             gathered.twice = twice;
             for (phase, once) in gathered.once.iter_mut().enumerate() {
                 let mut sum = [0.0; LANES];
-                for (got, layer) in got.chunks_exact(2).zip(&sight.layers) {
-                    let beta = &bundle.scattering[layer * bundle.phases + phase];
+                for piece in &sight.pieces {
+                    let beta = &bundle.scattering[piece.layer * bundle.phases + phase];
+                    let mut own = got[piece.first];
+                    if piece.steps == 2 {
+                        for lane in 0..LANES {
+                            own[lane] += got[piece.first + 1][lane];
+                        }
+                    }
                     for lane in 0..LANES {
-                        sum[lane] += beta[lane] * (got[0][lane] + got[1][lane]);
+                        sum[lane] += beta[lane] * own[lane];
                     }
                 }
                 *once = sum;
@@ -1574,6 +1657,10 @@ impl Probe {
     /// With the field of the sun itself where `exact`, not those of the row about it.
     pub fn with_fields(shells: Shells, medium: &Medium, streams: usize, sun: f64, accuracy: f64, exact: bool) -> Self {
         let optics = Optics::new(medium, &shells, streams, false);
+        Self::of(shells, optics, sun, accuracy, exact)
+    }
+
+    pub fn of(shells: Shells, optics: Optics, sun: f64, accuracy: f64, exact: bool) -> Self {
         let lattice = Lattice::new(&shells, &optics);
         let rays = SunRays::new(&shells, &lattice, sun);
         let fields = FieldSuns::new(&shells, &lattice, &[sun], exact);

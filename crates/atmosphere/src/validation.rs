@@ -10,8 +10,9 @@ use crate::column_sky::{self, ColumnAir, Settings};
 use crate::ladder::Ladder;
 use crate::medium::{Layer, Medium, Strata};
 use crate::phase::Phase;
-use crate::radiance::{Gathered, Look, Probe};
+use crate::radiance::{Gathered, Look, Optics, Probe};
 use crate::ray::Shells;
+use crate::solver::Cut;
 use crate::strata::Site;
 use crate::{Cloud, Column, Needs, Path, SkyState, Sun};
 
@@ -489,5 +490,53 @@ fn fields_between_the_suns_of_the_row_are_those_of_the_sun_itself() {
             }
             within(row.fluxes().1, own.fluxes().1, if sun_deg < 80.0 { 2e-4 } else { 1e-2 });
         }
+    }
+}
+
+/// Thin parts, whose J is a straight line between their edges, against the same parts with their middles: along rays to the
+/// horizon, on a flat and on a round Earth, and the irradiance at the ground.
+#[test]
+fn the_middles_of_thin_parts_change_little() {
+    let mut worst = Worst::default();
+    for (visibility, wavelength) in [(23.0, 0.41), (23.0, 0.87), (5.0, 0.55)] {
+        let site = Site::new(&column("midlatitude_summer", visibility, false)).unwrap();
+        let medium = medium(&site, wavelength);
+        for (round, streams) in [(false, 8), (false, 16), (true, 8), (true, 16)] {
+            let shells = Shells::new(&site.strata(), round);
+            for sun_deg in [10.0, 50.0, 75.0, 86.0f64] {
+                let thin = Optics::new(&medium, &shells, streams, false);
+                let cuts = thin.cuts();
+                assert!(cuts.iter().filter(|cut| !cut.middles).count() > 4, "{cuts:?}");
+                let all: Vec<_> = cuts.iter().map(|cut| Cut { middles: true, ..*cut }).collect();
+                let all = Optics::with_cuts(&medium, &shells, streams, &all);
+                let probe = |optics| Probe::of(shells.clone(), optics, sun_deg.to_radians(), 1e-4, true);
+                let (thin, all) = (probe(thin), probe(all));
+                for look in [Look::Up, Look::Down] {
+                    for zenith in [0.0, 60.0, 80.0, 88.0, 89.9f64] {
+                        let light = |probe: &Probe, azimuth: f64| {
+                            let cos = azimuth.cos(); // as good as any
+                            probe.gather(look, zenith.to_radians(), azimuth).0.radiance(&probe.bundle, cos, azimuth)[0]
+                        };
+                        for azimuth in [0.5, 1.6, 3.0] {
+                            let error = light(&thin, azimuth) / light(&all, azimuth) - 1.0;
+                            let place = || format!("{visibility} km, {wavelength} µm, round {round}, sun {sun_deg}");
+                            worst.add(format!("{streams} streams, round {round}, {look:?} at {zenith}"), error, place);
+                        }
+                    }
+                }
+                let error = thin.fluxes().1 / all.fluxes().1 - 1.0;
+                worst.add("irradiance".into(), error, || format!("{streams} streams, round {round}, sun {sun_deg}"));
+            }
+        }
+    }
+    worst.print("thin parts without their middles");
+    for (class, (error, _, _, place)) in &worst.0 {
+        let most = match (class.starts_with("8 "), class.contains("89.9")) {
+            (false, false) => 1.5e-4,
+            (false, true) => 4.5e-4,
+            (true, false) => 6e-4,
+            (true, true) => 1.1e-3,
+        };
+        assert!(error.abs() < most, "{class}: {error:+.1e} at {place}");
     }
 }

@@ -14,8 +14,8 @@
 use super::Scaled;
 use super::quadrature::Quadrature;
 
-/// e(t) at the levels of a stack: edges and middles of its parts, from the top down. A parabola through the three of a part
-/// has the integral of e over it, though e may swing within.
+/// e(t) at the levels of a stack from the top down, such that a parabola through the edges and the middle of a part has the
+/// integral of e over it, and a straight line where there is no middle, though e may swing within.
 #[derive(Debug, Default)]
 pub(super) struct Grazing {
     /// Of what comes down.
@@ -32,10 +32,10 @@ const THIN: f64 = 1e-7;
 impl Grazing {
     #[inline(always)]
     pub fn new<const N: usize>(quadrature: &Quadrature<N>, layers: &[Scaled]) -> Self {
-        let parts = layers.iter().flat_map(|layer| std::iter::repeat_n(layer.depth, layer.parts));
+        let parts = || layers.iter().flat_map(|layer| std::iter::repeat_n(layer, layer.cut.parts));
         let mut edges = vec![0.0]; // depths, from the top down
-        edges.extend(parts.scan(0.0, |depth, part| {
-            *depth += part;
+        edges.extend(parts().scan(0.0, |depth, part| {
+            *depth += part.depth;
             Some(*depth)
         }));
         let whole = edges[edges.len() - 1];
@@ -53,12 +53,25 @@ impl Grazing {
         };
         let levels = |depths: Vec<f64>| {
             let at_edges: Vec<[f64; 2]> = depths.iter().map(|depth| missed(*depth)).collect();
-            let mut levels = vec![at_edges[0][0]];
-            for (t, e) in depths.windows(2).zip(at_edges.windows(2)) {
+            let means = depths.windows(2).zip(at_edges.windows(2)).map(|(t, e)| {
                 let (part, [a, from], [b, to]) = (t[1] - t[0], e[0], e[1]);
                 let resolved = part.abs() > THIN && t[0].max(t[1]) <= DEEP;
-                let mean = if resolved { (to - from) / part } else { 0.5 * (a + b) };
-                levels.extend([1.5 * mean - 0.25 * (a + b), b]);
+                if resolved { (to - from) / part } else { 0.5 * (a + b) }
+            });
+            let means: Vec<f64> = means.collect();
+            // What a straight line lacks of the mean of a part without a middle, its edges have more.
+            let mut edges: Vec<f64> = at_edges.iter().map(|[e, _]| *e).collect();
+            for ((i, mean), layer) in means.iter().enumerate().zip(parts()) {
+                if !layer.cut.middles {
+                    let lacks = mean - 0.5 * (at_edges[i][0] + at_edges[i + 1][0]);
+                    edges[i] += if i == 0 { lacks } else { 0.5 * lacks };
+                    edges[i + 1] += if i + 1 == means.len() { lacks } else { 0.5 * lacks };
+                }
+            }
+            let mut levels = vec![edges[0]];
+            for ((ends, mean), layer) in edges.windows(2).zip(means).zip(parts()) {
+                levels.extend(layer.cut.middles.then_some(1.5 * mean - 0.25 * (ends[0] + ends[1])));
+                levels.push(ends[1]);
             }
             levels
         };
@@ -92,16 +105,30 @@ fn exponential_integrals(t: f64) -> [f64; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::solver::Cut;
 
     /// From below a stack the levels are those from above it, whatever its parts: one, and three alike.
     #[test]
     fn up_mirrors_down() {
-        for parts in [1, 3] {
-            let layers = [Scaled { depth: 0.02, parts, coupling: vec![1.0; 16] }];
+        for cut in [1, 3].into_iter().flat_map(|parts| [false, true].map(|middles| Cut { parts, middles })) {
+            let layers = [Scaled { depth: 0.02, cut, coupling: vec![1.0; 16] }];
             let Grazing { down, up } = Grazing::new(&Quadrature::<8>::new(), &layers);
-            assert_eq!((down.len(), down[0], up[2 * parts]), (2 * parts + 1, 0.0, 0.0));
+            assert_eq!(down.len(), cut.levels() + 1);
+            assert!(!cut.middles || (down[0], up[cut.levels()]) == (0.0, 0.0));
             assert!(down.iter().zip(up.iter().rev()).all(|(a, b)| (a - b).abs() < 1e-12), "{down:?} {up:?}");
         }
+    }
+
+    /// Through the levels of a part, e has its integral by a straight line as by a parabola.
+    #[test]
+    fn a_part_has_the_integral_of_e() {
+        let of = |middles| {
+            let layers = [Scaled { depth: 0.02, cut: Cut { parts: 1, middles }, coupling: vec![1.0; 16] }];
+            Grazing::new(&Quadrature::<8>::new(), &layers).down
+        };
+        let (two, three) = (of(false), of(true));
+        let (line, parabola) = (0.5 * (two[0] + two[1]), (three[0] + 4.0 * three[1] + three[2]) / 6.0);
+        assert!(parabola.abs() > 1e-3 && (line - parabola).abs() < 1e-14, "{line} {parabola}");
     }
 
     /// [Abramowitz1964, table 5.4], and t → 0.

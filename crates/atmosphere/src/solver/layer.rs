@@ -16,6 +16,7 @@
 
 use std::f64::consts::PI;
 
+use super::Scaled;
 use super::matrix::{
     Eigen, Matrix, Sizes, Vector, apply_to_each, apply_transposed, cholesky, inverse_definite, inverse_lower, product,
     transpose,
@@ -45,6 +46,8 @@ pub(super) struct Slab<const N: usize> {
     odd: Matrix<N>,
     modes: Modes<N>,
     depth: f64,
+    /// Whether the field in its middle is wanted.
+    pub middles: bool,
 }
 
 /// α and β of a beam of transmittance 1.
@@ -87,9 +90,10 @@ impl<const N: usize> Operator<N>
 where
     Sizes: Eigen<N>,
 {
-    /// From c_l, l = 0, 1, …, and the depth Δ.
+    /// Of one part of a layer.
     #[inline(always)]
-    pub fn new(order: &Order<N>, coupling: &[f64], depth: f64) -> Self {
+    pub fn new(order: &Order<N>, layer: &Scaled) -> Self {
+        let Scaled { depth, cut, ref coupling } = *layer;
         let scatters = coupling.iter().skip(order.m).any(|c| c.abs() * depth.min(1.0) > THINNEST);
         if !scatters || depth < THINNEST {
             return Self::Clear(order.cosines.map(|mu| (-depth / mu).exp()));
@@ -134,11 +138,6 @@ where
             of_modes.push(row);
         }
         let [to_alpha, to_beta] = to;
-        let halved = |inverse: &Matrix<N>| {
-            let mut out = product(&gt, inverse);
-            out.iter_mut().flatten().for_each(|x| *x *= 0.5);
-            out
-        };
         Self::Scattering(Box::new(Slab {
             reflection,
             transmission,
@@ -146,12 +145,21 @@ where
             moments: Moments::new(&of_modes),
             to_alpha,
             to_beta,
-            even: halved(&even),
-            odd: halved(&odd),
+            even: half_product(&gt, &even),
+            odd: half_product(&gt, &odd),
             modes,
             depth,
+            middles: cut.middles,
         }))
     }
+}
+
+/// ½ A B.
+#[inline(always)]
+fn half_product<const N: usize>(a: &Matrix<N>, b: &Matrix<N>) -> Matrix<N> {
+    let mut out = product(a, b);
+    out.iter_mut().flatten().for_each(|x| *x *= 0.5);
+    out
 }
 
 /// (1 + G [values/Δ] Gᵀ)⁻¹.
@@ -186,18 +194,23 @@ pub(super) struct Worth<const N: usize> {
 }
 
 impl<const N: usize> Slab<N> {
-    /// Of a beam of these Λ_l, even and odd.
+    /// Of beams of these Λ_l, even and odd.
     #[inline(always)]
-    pub fn source(&self, toward: &[Vector<N>; 2]) -> Source<N> {
-        Source {
-            alpha: apply_transposed(&self.to_alpha, &toward[0]),
-            beta: apply_transposed(&self.to_beta, &toward[1]),
-            ..Source::default()
+    pub fn sources<const B: usize>(&self, toward: &[[Vector<N>; 2]; B]) -> [Source<N>; B] {
+        let (mut even, mut odd) = ([[0.0; N]; B], [[0.0; N]; B]);
+        for b in 0..B {
+            [even[b], odd[b]] = toward[b];
         }
+        let (alpha, beta) = (apply_to_each(&self.to_alpha, &even), apply_to_each(&self.to_beta, &odd));
+        let mut sources = [Source::default(); B];
+        for b in 0..B {
+            (sources[b].alpha, sources[b].beta) = (alpha[b], beta[b]);
+        }
+        sources
     }
 
     /// What beams leave in it that no other light enters, each by its source and its fall: what comes out upwards at the
-    /// top and downwards at the bottom, and the modes inside.
+    /// top and downwards at the bottom, and the modes inside where they are wanted.
     #[inline(always)]
     pub fn lit<const B: usize>(
         &self,
@@ -210,7 +223,7 @@ impl<const N: usize> Slab<N> {
         for b in 0..B {
             let fall = falls[b];
             if sources[b].depth != fall.depth {
-                (sources[b].depth, sources[b].response) = (fall.depth, self.modes.response(fall));
+                (sources[b].depth, sources[b].response) = (fall.depth, self.modes.response(fall, self.middles));
             }
             let Source { alpha, beta, response, .. } = &sources[b];
             let (top, lambda) = (fall.top, fall.depth / self.depth);
@@ -219,9 +232,14 @@ impl<const N: usize> Slab<N> {
                 let above = source * response.top[j] - top * beta[j];
                 let below = source * response.bottom[j] - top * fall.whole * beta[j];
                 (sum[b][j], difference[b][j]) = (above - below, above + below);
-                // Of the response that is 0 in ξ at both edges.
-                inside.xi[b][j] = source * self.depth * response.middle[j];
-                inside.eta[b][j] = source * response.middle_slope[j] - top * fall.half * beta[j];
+            }
+            if self.middles {
+                for j in 0..N {
+                    let source = top * (alpha[j] - lambda * beta[j]) * self.depth;
+                    // Of the response that is 0 in ξ at both edges.
+                    inside.xi[b][j] = source * self.depth * response.middle[j];
+                    inside.eta[b][j] = source * response.middle_slope[j] - top * fall.half * beta[j];
+                }
             }
         }
         let (even, odd) = (apply_to_each(&self.even, &sum), apply_to_each(&self.odd, &difference));
@@ -254,7 +272,7 @@ impl<const N: usize> Slab<N> {
     pub fn lit_worth(&self, worth: &Worth<N>, source: &Source<N>, fall: &Fall) -> f64 {
         let Source { alpha, beta, .. } = source;
         let lambda = fall.depth / self.depth;
-        let response = self.modes.response(fall);
+        let response = self.modes.response(fall, false);
         let mut sums = [0.0; N];
         for j in 0..N {
             let source = (alpha[j] - lambda * beta[j]) * self.depth;
@@ -397,21 +415,21 @@ impl<const N: usize> Modes<N> {
         std::array::from_fn(|j| self.coth[j] + self.csch[j])
     }
 
-    /// Responses to a source that falls as a beam does.
+    /// Responses to a source that falls as a beam does; in the middle where they are wanted.
     #[inline(always)]
-    fn response(&self, fall: &Fall) -> Response<N> {
+    fn response(&self, fall: &Fall, middle: bool) -> Response<N> {
         let x = fall.depth;
         let thin = x.abs() < THIN.1 && self.thin > 0;
         if thin && self.thin == N {
-            return self.series(fall);
+            return self.series(fall, middle);
         }
-        let mut response = self.closed(fall);
+        let mut response = self.closed(fall, middle);
         // Whether the beam falls as a mode does whose response is not taken by its series.
         let from = if thin { THIN.0 * THIN.0 } else { 0.0 };
         let resonant = |z: f64| ((x * x - z).abs() <= RESONANT * z) & (z >= from);
         let any_resonant = self.z.iter().fold(false, |any, z| any | resonant(*z));
         if thin {
-            let series = self.series(fall);
+            let series = self.series(fall, middle);
             for j in 0..N {
                 let small = self.z[j] < from;
                 response.top[j] = if small { series.top[j] } else { response.top[j] };
@@ -429,13 +447,19 @@ impl<const N: usize> Modes<N> {
     }
 
     #[inline(always)]
-    fn closed(&self, fall: &Fall) -> Response<N> {
+    fn closed(&self, fall: &Fall, middle: bool) -> Response<N> {
         let Fall { depth: x, whole, half, .. } = *fall;
         let mut response = Response::default();
         for j in 0..N {
             let per = 1.0 / (x * x - self.z[j]);
             response.top[j] = (self.coth[j] - x - whole * self.csch[j]) * per;
             response.bottom[j] = (self.csch[j] - whole * (self.coth[j] + x)) * per;
+        }
+        if !middle {
+            return response;
+        }
+        for j in 0..N {
+            let per = 1.0 / (x * x - self.z[j]);
             response.middle[j] = (half - 0.5 * (1.0 + whole) * self.sech_half[j]) * per;
             response.middle_slope[j] = ((1.0 - whole) * self.csch_half[j] - x * half) * per;
         }
@@ -447,8 +471,8 @@ impl<const N: usize> Modes<N> {
     fn across(&self, j: usize, x: f64, response: &mut Response<N>) {
         let k = self.z[j].sqrt();
         let (low, high) = (k * (1.0 - 3e-5), k * (1.0 + 3e-5));
-        let [a, b] =
-            [low, high].map(|x| self.closed(&Fall { top: 1.0, depth: x, whole: (-x).exp(), half: (-0.5 * x).exp() }));
+        let [a, b] = [low, high]
+            .map(|x| self.closed(&Fall { top: 1.0, depth: x, whole: (-x).exp(), half: (-0.5 * x).exp() }, true));
         let t = (x - low) / (high - low);
         let mid = |a: f64, b: f64| a + (b - a) * t;
         response.top[j] = mid(a.top[j], b.top[j]);
@@ -459,7 +483,7 @@ impl<const N: usize> Modes<N> {
 
     /// Thin layers: the same as divided differences, by their power series.
     #[inline(always)]
-    fn series(&self, fall: &Fall) -> Response<N> {
+    fn series(&self, fall: &Fall, middle: bool) -> Response<N> {
         let Fall { depth: x, whole, half, .. } = *fall;
         // Σ_n (∓1)ⁿ/n! h_{n−2}(x, k, −k), h the complete homogeneous polynomials.
         let (mut forth, mut back, mut h, mut power) = ([0.0; N], [0.0; N], [0.0; N], [1.0; N]);
@@ -475,6 +499,14 @@ impl<const N: usize> Modes<N> {
                 (forth[j], back[j]) = (forth[j] - term, back[j] + term);
             }
         }
+        let mut response = Response { top: forth, bottom: back, ..Response::default() };
+        for j in 0..N {
+            response.top[j] *= -self.csch[j];
+            response.bottom[j] *= whole * self.csch[j];
+        }
+        if !middle {
+            return response;
+        }
         // Σ_n 1/(2n)! Σ yⁱ qʲ, i + j = n − 1, and with 1/(2n + 1)!.
         let y = 0.25 * x * x;
         let (mut cosh, mut sinh, mut sum, mut power) = ([0.0; N], [0.0; N], [1.0; N], [1.0; N]);
@@ -487,12 +519,9 @@ impl<const N: usize> Modes<N> {
                 sum[j] = y * sum[j] + power[j];
             }
         }
-        let mut response = Response { top: forth, bottom: back, middle: cosh, middle_slope: sinh };
         for j in 0..N {
-            response.top[j] *= -self.csch[j];
-            response.bottom[j] *= whole * self.csch[j];
-            response.middle[j] *= -0.25 * half * self.sech_half[j];
-            response.middle_slope[j] *= 0.25 * half * x * self.csch_half[j];
+            response.middle[j] = cosh[j] * -0.25 * half * self.sech_half[j];
+            response.middle_slope[j] = sinh[j] * 0.25 * half * x * self.csch_half[j];
         }
         response
     }
@@ -546,7 +575,7 @@ mod tests {
         ] {
             // Beside a mode of another kind.
             let modes = Modes::new(&[k * k, 1.3 * k * k + 0.1], 1.0);
-            let r = modes.response(&Fall { top: 1.0, depth: x, whole: (-x).exp(), half: (-0.5 * x).exp() });
+            let r = modes.response(&Fall { top: 1.0, depth: x, whole: (-x).exp(), half: (-0.5 * x).exp() }, true);
             for (found, due) in
                 [r.top, r.bottom, r.middle, r.middle_slope].map(|r| r[0]).into_iter().zip(by_steps(k, x))
             {

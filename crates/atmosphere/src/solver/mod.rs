@@ -43,10 +43,30 @@ use crate::wide::wide_too;
 pub(crate) struct Scaled {
     /// Optical depth of one part.
     pub depth: f64,
-    /// Equal parts that the layer is cut in.
-    pub parts: usize,
+    pub cut: Cut,
     /// ω(2l+1)χ_l, l = 0 … one less than the streams.
     pub coupling: Vec<f64>,
+}
+
+/// How a layer is cut, and where its field is wanted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Cut {
+    /// Equal parts.
+    pub parts: usize,
+    /// Whether the field is wanted in the middle of each part beside its edges.
+    pub middles: bool,
+}
+
+impl Cut {
+    /// Levels at which the field is known, but for the upper edge of the layer.
+    pub fn levels(self) -> usize {
+        if self.middles { 2 * self.parts } else { self.parts }
+    }
+
+    /// One that has what either has.
+    pub fn and(self, other: Self) -> Self {
+        Self { parts: self.parts.max(other.parts), middles: self.middles | other.middles }
+    }
 }
 
 impl Scaled {
@@ -69,7 +89,7 @@ pub(crate) struct Beam {
 /// The field under one beam, or over a ground that shines.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Field {
-    /// c_l^m, order after order, at the edges and middles of the parts from the top down: a row of `streams − m` values each.
+    /// c_l^m, order after order, at the levels of the stack from the top down: a row of `streams − m` values each.
     moments: Vec<f64>,
     orders: Vec<Rows>,
     streams: usize,
@@ -210,7 +230,10 @@ where
         // Layers from the top down that scatter nothing at this order neither send light nor return it.
         let scatters = |layer: &Scaled| m == 0 || layer.counts_at(m, accuracy);
         let Some(dark) = layers.iter().position(scatters) else { break };
-        let above = layers[..dark].iter().map(|layer| layer.parts).sum();
+        let above = Above {
+            parts: layers[..dark].iter().map(|layer| layer.cut.parts).sum(),
+            levels: layers[..dark].iter().map(|layer| layer.cut.levels()).sum(),
+        };
         let order = Order::new(m, &quadrature);
         let operators = operators(&order, &layers[dark..]);
         let stack = Stack::new(&order, &layers[dark..], above, &operators, &grazing);
@@ -249,7 +272,7 @@ impl<'a> Falling<'a> {
         let mut edges = beam.transmittance.windows(2);
         let mut falls: Vec<Fall> = Vec::with_capacity(edges.len());
         for layer in layers {
-            for (part, edges) in edges.by_ref().take(layer.parts).enumerate() {
+            for (part, edges) in edges.by_ref().take(layer.cut.parts).enumerate() {
                 let fall = Fall::new(edges[0], edges[1]);
                 falls.push(if part == 0 { fall } else { fall.as_steep_as(&falls[falls.len() - 1]) });
             }
@@ -292,7 +315,7 @@ fn size(m: usize, layers: &[Scaled], field: &Field) -> f64 {
             let sum: f64 = row.iter().zip(&layer.coupling[m..]).map(|(c, coupling)| (c * coupling).abs()).sum();
             most = most.max(sum * layer.depth.min(1.0));
         }
-        k += 2 * layer.parts;
+        k += layer.cut.levels();
     }
     most
 }
@@ -304,7 +327,7 @@ where
 {
     let mut operators = Vec::with_capacity(layers.len());
     for layer in layers {
-        operators.push(Operator::new(order, &layer.coupling, layer.depth));
+        operators.push(Operator::new(order, layer));
     }
     operators
 }
@@ -319,12 +342,18 @@ struct Joined<const N: usize> {
     inner: Option<(Matrix<N>, Matrix<N>)>,
 }
 
+/// What stands above some layers of a stack.
+#[derive(Clone, Copy, Default)]
+struct Above {
+    parts: usize,
+    levels: usize,
+}
+
 /// The layers at one order, joined.
 struct Stack<'a, const N: usize> {
     order: &'a Order<N>,
     layers: &'a [Scaled],
-    /// Parts above these layers.
-    above: usize,
+    above: Above,
     grazing: &'a Grazing,
     operators: &'a [Operator<N>],
     /// From the top down.
@@ -339,16 +368,16 @@ where
     fn new(
         order: &'a Order<N>,
         layers: &'a [Scaled],
-        above: usize,
+        above: Above,
         operators: &'a [Operator<N>],
         grazing: &'a Grazing,
     ) -> Self {
-        let parts: usize = layers.iter().map(|layer| layer.parts).sum();
+        let parts: usize = layers.iter().map(|layer| layer.cut.parts).sum();
         let mut joined: Vec<Joined<N>> = Vec::with_capacity(parts);
         let mut below = [[0.0; N]; N];
         let mut dark = true; // nothing scatters below
         for (i, layer) in layers.iter().enumerate().rev() {
-            for _ in 0..layer.parts {
+            for _ in 0..layer.cut.parts {
                 match &operators[i] {
                     Operator::Clear(t) => {
                         joined.push(Joined { layer: i, below, inner: None });
@@ -432,9 +461,9 @@ where
             if let (Some(beams), Some(toward)) = (beams, &toward) {
                 if source.0 != part.layer {
                     source.0 = part.layer;
-                    source.1.iter_mut().zip(toward).for_each(|(source, toward)| *source = slab.source(toward));
+                    source.1 = slab.sources(toward);
                 }
-                let falls = beams.map(|falling| &falling.falls[self.above + i]);
+                let falls = beams.map(|falling| &falling.falls[self.above.parts + i]);
                 let [up, down] = slab.lit(&mut source.1, &falls, inside);
                 add_to(g, &down);
                 lit = up;
@@ -446,10 +475,11 @@ where
         }
 
         // From the top down: the moments of each level.
-        let mut level = Level { stack: self, beams, at: 0, above: Default::default() };
+        let mut level = Level { stack: self, beams, edge: 0, at: 0, above: Default::default() };
+        let levels: usize = 1 + self.layers.iter().map(|layer| layer.cut.levels()).sum::<usize>();
         for field in &mut fields {
             field.streams = 2 * N;
-            field.moments.reserve((2 * self.joined.len() + 1) * (2 * N - self.order.m) + 2 * N);
+            field.moments.reserve(levels * (2 * N - self.order.m) + 2 * N);
         }
         let toward = toward.map_or([[0.0; N]; B], |toward| toward.map(|[even, _]| even));
         let mut down = [[0.0; N]; B];
@@ -459,16 +489,16 @@ where
         if self.order.m == 0 {
             fields.iter_mut().zip(&up).for_each(|(field, up)| field.leaves = self.order.flux(up));
         }
-        if self.above == 0 {
+        if self.above.parts == 0 {
             level.above = own;
         }
-        level.put(self.order.moments_at_nodes.of(&x, &y), &own, &mut fields);
+        level.put_edge(self.order.moments_at_nodes.of(&x, &y), &own, &mut fields);
         let mut entering = (usize::MAX, [[0.0; N]; B]); // layer, Gᵀ x at the upper edge of the part
         for (i, (part, Climbing { below, g, inside })) in self.joined.iter().zip(climbing.iter().rev()).enumerate() {
             level.above = own;
             match self.slab(part) {
                 Some((slab, m, _)) => {
-                    if entering.0 != part.layer {
+                    if slab.middles && entering.0 != part.layer {
                         entering = (part.layer, apply_to_each(&slab.g, &x));
                     }
                     let mut enters = apply_to_each(&slab.transmission, &down);
@@ -477,13 +507,17 @@ where
                     up = apply_to_each(&part.below, &down);
                     add_to(&mut up, below);
                     [x, y] = both(&up, &down);
-                    let leaving = apply_to_each(&slab.g, &x);
-                    let [xi, eta] = slab.middle(&entering.1, &leaving, inside);
-                    entering.1 = leaving;
-                    level.put(slab.moments.of(&xi, &eta), &own, &mut fields);
+                    if slab.middles {
+                        let leaving = apply_to_each(&slab.g, &x);
+                        let [xi, eta] = slab.middle(&entering.1, &leaving, inside);
+                        entering.1 = leaving;
+                        level.put_middle(slab.moments.of(&xi, &eta), &own, &mut fields);
+                    }
                 }
                 None => {
-                    level.skip(&mut fields);
+                    if self.layers[part.layer].cut.middles {
+                        level.skip(&mut fields);
+                    }
                     let t = self.clear(part);
                     down.iter_mut().for_each(|down| down.iter_mut().zip(t).for_each(|(d, t)| *d *= t));
                     up = apply_to_each(&part.below, &down);
@@ -494,10 +528,10 @@ where
             if self.joined.get(i + 1).is_some_and(|next| next.layer != part.layer) {
                 own = self.level_source(i + 1, &toward);
             }
-            level.put(self.order.moments_at_nodes.of(&x, &y), &own, &mut fields);
+            level.put_edge(self.order.moments_at_nodes.of(&x, &y), &own, &mut fields);
         }
         for (field, down) in fields.into_iter().zip(&down) {
-            field.orders.push(Rows { first: 2 * self.above, end: field.moments.len() });
+            field.orders.push(Rows { first: self.above.levels, end: field.moments.len() });
             if self.order.m == 0 {
                 field.arrives = self.order.flux(down);
             }
@@ -536,32 +570,46 @@ impl<const N: usize, const B: usize> Default for LevelSource<N, B> {
 struct Level<'a, const N: usize, const B: usize> {
     stack: &'a Stack<'a, N>,
     beams: Option<[&'a Falling<'a>; B]>,
-    /// Counted from the upper edge of the stack.
+    /// The edge that comes next, and the level, counted from the upper edge of the stack.
+    edge: usize,
     at: usize,
     /// J at the horizon just above it.
     above: LevelSource<N, B>,
 }
 
 impl<const N: usize, const B: usize> Level<'_, N, B> {
-    /// Puts c_l of even and odd l + m into the fields, with what the quadrature misses near the horizon; `below` is J there
-    /// just below the level.
+    /// Puts c_l of even and odd l + m at an edge into the fields; `below` is J at the horizon just below it.
     #[inline(always)]
-    fn put(&mut self, moments: [[Vector<N>; B]; 2], below: &LevelSource<N, B>, fields: &mut [&mut Field; B]) {
+    fn put_edge(&mut self, moments: [[Vector<N>; B]; 2], below: &LevelSource<N, B>, fields: &mut [&mut Field; B]) {
+        let edge = self.stack.above.parts + self.edge;
+        self.put(moments, below, |transmittance| transmittance[edge], fields);
+        self.edge += 1;
+    }
+
+    /// The same in the middle of a part.
+    #[inline(always)]
+    fn put_middle(&mut self, moments: [[Vector<N>; B]; 2], below: &LevelSource<N, B>, fields: &mut [&mut Field; B]) {
+        let edge = self.stack.above.parts + self.edge;
+        self.put(moments, below, |transmittance| (transmittance[edge - 1] * transmittance[edge]).sqrt(), fields);
+    }
+
+    /// The same where so much of a beam passes, with what the quadrature misses near the horizon.
+    #[inline(always)]
+    fn put(
+        &mut self,
+        moments: [[Vector<N>; B]; 2],
+        below: &LevelSource<N, B>,
+        passes: impl Fn(&[f64]) -> f64,
+        fields: &mut [&mut Field; B],
+    ) {
         let [mut even, odd] = moments;
         let Stack { order, grazing, above, .. } = *self.stack;
-        let k = 2 * above + self.at;
+        let k = above.levels + self.at;
         let (down, up) = (grazing.down[k], grazing.up[k]);
         if down != 0.0 || up != 0.0 {
             let from_ground = if self.beams.is_some() { 0.0 } else { 1.0 };
             for b in 0..B {
-                let mut passes = 0.0;
-                if let Some(beams) = self.beams {
-                    let transmittance = &beams[b].beam.transmittance;
-                    passes = transmittance[k / 2];
-                    if k % 2 == 1 {
-                        passes = (passes * transmittance[k / 2 + 1]).sqrt();
-                    }
-                }
+                let passes = self.beams.map_or(0.0, |beams| passes(&beams[b].beam.transmittance));
                 let from_above = dot(&self.above.by_moment, &even[b]) + self.above.by_beam[b] * passes;
                 let from_below = dot(&below.by_moment, &even[b]) + below.by_beam[b] * passes;
                 let mended = 0.5 * (up * (from_ground - from_below) - down * from_above);
@@ -616,7 +664,7 @@ where
     let order = Order::new(0, &quadrature);
     let operators = operators(&order, layers);
     let grazing = Grazing::default();
-    let stack = Stack::new(&order, layers, 0, &operators, &grazing);
+    let stack = Stack::new(&order, layers, Above::default(), &operators, &grazing);
     let mut weights: Vec<Vector<N>> = Vec::with_capacity(stack.joined.len()); // Mᵀ b
     let mut b = order.flux_weights;
     for part in stack.joined.iter().rev() {
@@ -649,7 +697,7 @@ where
         if of_sources != part.layer {
             of_sources = part.layer;
             for (source, toward) in sources.iter_mut().zip(&towards) {
-                *source = slab.source(toward);
+                [*source] = slab.sources(&[*toward]);
             }
         }
         let worth = slab.worth(&e, &gamma);
@@ -698,14 +746,14 @@ mod tests {
                 omega * (1.0 - f) / (1.0 - omega * f) * (2.0 * l as f64 + 1.0) * (g.powi(l as i32) - f) / (1.0 - f)
             })
             .collect();
-        Scaled { depth: (1.0 - omega * f) * depth / parts as f64, parts, coupling }
+        Scaled { depth: (1.0 - omega * f) * depth / parts as f64, cut: Cut { parts, middles: true }, coupling }
     }
 
     fn beam(mu: f64, layers: &[Scaled]) -> Beam {
         let mut transmittance = vec![1.0];
         let mut depth = 0.0;
         for layer in layers {
-            for _ in 0..layer.parts {
+            for _ in 0..layer.cut.parts {
                 depth += layer.depth;
                 transmittance.push((-depth / mu).exp());
             }
