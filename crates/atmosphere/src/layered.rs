@@ -74,7 +74,7 @@ Parameters
              ln of the path's source are interpolated, absorption of the sun's light left apart. full: radiances
              everywhere, for checks
 
-Sky: L_d is known at 20 zenith angles by 13 azimuths from the sun's, and runs straight between them as a ratio to a shape
+Sky: L_d is known at 20 zenith angles by 15 azimuths from the sun's, and runs straight between them as a ratio to a shape
 that has the aureole and the brightening horizon in it.
 
 Validity

@@ -18,7 +18,6 @@ mod medium;
 mod none;
 mod phase;
 mod profile;
-mod quadrature;
 mod radiance;
 mod ray;
 mod rayleigh;

@@ -683,9 +683,8 @@ impl SkyState for MeasuredSky {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::quadrature::gauss_legendre;
     use sunglint_plugin::Value;
-    use sunglint_radiometry::Bin;
+    use sunglint_radiometry::{Bin, gauss_legendre};
 
     /// Zenith, and six elevations in four azimuths.
     fn twenty_five() -> Vec<(f64, f64)> {

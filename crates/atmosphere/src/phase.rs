@@ -9,7 +9,7 @@
 use std::f64::consts::PI;
 use std::sync::{Arc, LazyLock, Mutex};
 
-use crate::quadrature::gauss_legendre;
+use sunglint_radiometry::gauss_legendre;
 
 /// A phase function, normalised so that its mean over the sphere is 1.
 #[derive(Debug)]

@@ -286,7 +286,7 @@ mod tests {
     #[test]
     fn the_phase_functions_have_mean_one() {
         let mean = |p: &dyn Fn(f64) -> f64| -> f64 {
-            crate::quadrature::gauss_legendre(64).iter().map(|(x, w)| 0.5 * w * p(*x)).sum()
+            sunglint_radiometry::gauss_legendre(64).iter().map(|(x, w)| 0.5 * w * p(*x)).sum()
         };
         assert!((mean(&rayleigh_phase) - 1.0).abs() < 1e-13);
         for g in [-0.5, 0.0, 0.65, 0.8] {

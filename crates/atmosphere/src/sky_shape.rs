@@ -3,10 +3,9 @@
 use std::f64::consts::{FRAC_PI_2, PI};
 use std::sync::{LazyLock, OnceLock};
 
-use sunglint_radiometry::WorldDir;
+use sunglint_radiometry::{WorldDir, gauss_legendre};
 
 use crate::embedded;
-use crate::quadrature::gauss_legendre;
 
 /// A published distribution.
 #[derive(Clone, Copy, Debug, PartialEq)]

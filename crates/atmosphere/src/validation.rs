@@ -308,7 +308,7 @@ fn columns_are_handed_over() {
 /// the sun.
 #[test]
 fn columns_on_a_flat_earth_are_those_of_disort() {
-    for (class, (error, _, _, place)) in &against_disort().0 {
+    for (class, (error, _, _, place)) in &against_disort(PLANE.streams).0 {
         let most = match class {
             class if class.contains("flux") => 1e-3,
             class if class.contains("sky") && !class.contains("black") => 5e-3,
@@ -321,26 +321,29 @@ fn columns_on_a_flat_earth_are_those_of_disort() {
 /// The same seen from space, over grounds of 0 and 0.3.
 #[test]
 fn columns_on_a_flat_earth_are_those_of_disort_from_space() {
-    for (class, (error, _, _, place)) in against_disort().0.iter().filter(|(class, _)| class.contains("clear up")) {
+    for (class, (error, _, _, place)) in
+        against_disort(PLANE.streams).0.iter().filter(|(class, _)| class.contains("clear up"))
+    {
         assert!(error.abs() < 5e-3, "{class}: {error:+.5} at {place}");
     }
 }
 
+/// Droplets scatter as g = 0.85 does, for which 32 streams are due; with 16, one angle of all errs by 0.84 %.
 #[test]
-#[ignore = "0.85 % at one angle over a cloud, 16 streams"]
 fn clouds_on_a_flat_earth_are_those_of_disort_from_space() {
-    for (class, (error, _, _, place)) in against_disort().0.iter().filter(|(class, _)| class.contains("cloud up")) {
+    for (class, (error, _, _, place)) in against_disort(32).0.iter().filter(|(class, _)| class.contains("cloud up")) {
         assert!(error.abs() < 5e-3, "{class}: {error:+.5} at {place}");
     }
 }
 
-fn against_disort() -> Worst {
+fn against_disort(streams: usize) -> Worst {
     let layers = records(include_str!("../tests/data/columns_layers.csv"));
     let phases = records(include_str!("../tests/data/columns_phases.csv"));
     let rows = records(include_str!("../tests/data/columns_disort.csv"));
     let angles: Vec<f64> = angles().iter().map(|angle| angle.to_radians()).collect();
     let list = |cell: &str| cell.split(';').map(number).collect::<Vec<f64>>();
     let mut worst = Worst::default();
+    let settings = Settings { streams, ..PLANE };
     let mut names: Vec<&String> = layers.iter().map(|row| &row[0]).collect();
     names.dedup();
     for name in names {
@@ -357,7 +360,7 @@ fn against_disort() -> Worst {
         };
         for (sun_deg, albedo) in [("30.0", "0.0"), ("60.0", "0.3"), ("75.0", "0.3")] {
             let sun = number(sun_deg).to_radians();
-            let sky = solved(&strata, std::slice::from_ref(&medium), number(albedo), &[sun], &PLANE).remove(0);
+            let sky = solved(&strata, std::slice::from_ref(&medium), number(albedo), &[sun], &settings).remove(0);
             let (beam, diffuse) = (sun.cos() * sky.sun_transmittance()[0], sky.diffuse_irradiance()[0]);
             for row in rows.iter().filter(|row| row[0] == **name && row[1] == sun_deg) {
                 let due = number(&row[6]);

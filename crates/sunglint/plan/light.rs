@@ -231,7 +231,7 @@ pub(super) fn solve(orders: &[&SkyOrder], unlit: bool, diagnostics: &mut Vec<Dia
             let suns: Vec<Sun> = ask.suns.iter().map(|sun| sun.unwrap_or(below)).collect();
             let (order, provider) = (ask.order, &ask.order.provider);
             let (column, grid, needs) = (ask.column, &order.grid, &ask.needs);
-            let mut skies = if unlit {
+            let skies = if unlit {
                 for albedo in &ask.albedos {
                     let column = Column { ground_albedo: albedo.clone(), ..column.clone() };
                     provider.check(&column, &suns, grid, needs)?;
@@ -241,7 +241,7 @@ pub(super) fn solve(orders: &[&SkyOrder], unlit: bool, diagnostics: &mut Vec<Dia
                 provider.solve_over(&ask.albedos, column, &suns, grid, needs)?
             };
             let mut skies: Vec<Vec<Option<_>>> =
-                skies.drain(..).map(|skies| skies.into_iter().map(Some).collect()).collect();
+                skies.into_iter().map(|skies| skies.into_iter().map(Some).collect()).collect();
             let light = ask.wanted.iter().map(|(ground, sun)| {
                 let sky = skies[*ground][*sun].take().expect("pairs are distinct");
                 Arc::new(Illumination::new(sky, ask.suns[*sun].as_ref()))

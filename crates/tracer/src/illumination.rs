@@ -6,7 +6,7 @@ use std::sync::RwLock;
 
 use glam::DVec3;
 use sunglint_atmosphere::{SkyState, Sun};
-use sunglint_radiometry::{SOLAR_ANGULAR_RADIUS, WorldDir};
+use sunglint_radiometry::{SOLAR_ANGULAR_RADIUS, WorldDir, gauss_legendre};
 
 /// The light of one time: a solved sky and the sun.
 pub struct Illumination {
@@ -115,31 +115,6 @@ impl Illumination {
         }
         sums
     }
-}
-
-/// Nodes and weights of Gauss–Legendre quadrature on [−1, 1], by Newton's method on the Legendre polynomial
-/// [Abramowitz & Stegun 1964, 25.4.29].
-fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
-    (0..n)
-        .map(|i| {
-            let mut x = (PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
-            let mut derivative = 1.0;
-            for _ in 0..100 {
-                let (mut p0, mut p1) = (1.0, x);
-                for k in 2..=n {
-                    let k = k as f64;
-                    (p0, p1) = (p1, ((2.0 * k - 1.0) * x * p1 - (k - 1.0) * p0) / k);
-                }
-                derivative = n as f64 * (x * p1 - p0) / (x * x - 1.0);
-                let step = p1 / derivative;
-                x -= step;
-                if step.abs() < 1e-15 {
-                    break;
-                }
-            }
-            (x, 2.0 / ((1.0 - x * x) * derivative * derivative))
-        })
-        .collect()
 }
 
 #[cfg(test)]

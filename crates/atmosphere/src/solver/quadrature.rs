@@ -2,9 +2,10 @@
 
 use std::f64::consts::PI;
 
+use sunglint_radiometry::gauss_legendre;
+
 use super::legendre::normalised;
 use super::matrix::{Matrix, Vector, apply_to_each, dot};
-use crate::quadrature::gauss_legendre;
 
 /// N nodes μ in each hemisphere, their weights summing to 1.
 #[derive(Clone, Copy, Debug)]

@@ -2,8 +2,8 @@
 
 use std::f64::consts::PI;
 
-/// Nodes and weights on −1..1, by Newton's iteration on P_n.
-pub(crate) fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
+/// Nodes and weights of so many points on −1..1, by Newton's iteration on P_n [Abramowitz1964, eq. 25.4.29].
+pub fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
     (0..n)
         .map(|i| {
             let mut x = (PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
