@@ -97,7 +97,7 @@ Accuracy, measured (docs/VALIDATION.md)
   Between rungs of the ladder: 0.1 to 0.7 % (root mean square), 3 % in black bands under a low sun. Between the directions of
   the sky: 1.5 % beyond 20° from the sun (3 % at a sun of 85°), 13 % within 5° of it.
 
-Cost (docs/BENCHMARKS.md): a third to half of a second for one time in four bands from 0.42 to 1.0 µm, two and a half times as much
+Cost (docs/BENCHMARKS.md): a third to half of a second for one time in four bands from 0.42 to 1.0 µm, less than three times as much
 for a day of thirty, on one core.
 
 In a scene
