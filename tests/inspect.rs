@@ -496,6 +496,21 @@ fn without_air_flags_need_no_more_than_a_sun() {
     assert_eq!(steps.lines().filter(|line| line.contains(" nm")).count(), 121);
 }
 
+/// The README's flags: every step of the range has its band, the first of which reaches down to 380 nm.
+#[test]
+fn a_sun_and_a_visibility_are_enough() {
+    let found = stdout(&["atmosphere", "--sun-zenith", "30", "--visibility", "23 km"]);
+    let rows: Vec<Vec<f64>> = (found.lines().filter(|line| line.contains(" nm")))
+        .map(|line| line.split_whitespace().skip(2).map(number_of).collect())
+        .collect();
+    assert_eq!(rows.len(), 61);
+    for row in &rows {
+        assert!(row[2] > 0.1 && row[2] < 0.9 && row[3] > 0.0 && row[4] > 0.0 && row[6] > 0.0, "{row:?}");
+    }
+    // Rayleigh's and the haze's depth rise smoothly into the violet.
+    assert!(rows.windows(2).take(4).all(|pair| pair[0][2] < pair[1][2]));
+}
+
 fn number_of(text: &str) -> f64 {
     text.parse().unwrap_or_else(|_| panic!("{text} is no number"))
 }

@@ -35,8 +35,8 @@ pub(crate) const AIR_MASS: f64 = 40.0;
 const WATER_COLUMN: f64 = 4.2;
 const OXYGEN_COLUMN: f64 = 8.7e4;
 
-/// What the tables speak for \[µm\]: the last band of water ends at 9620 cm⁻¹.
-pub(crate) const COVERED: (f64, f64) = (1e4 / 26_000.0, 1e4 / 9_620.0);
+/// What the tables speak for \[µm\]: NO₂'s begins at 0.38 µm, the last band of water ends at 9620 cm⁻¹.
+pub(crate) const COVERED: (f64, f64) = (0.38, 1e4 / 9_620.0);
 
 /// Constants of one band: T = exp(−(C W)^a), and how W weighs pressure and temperature.
 #[derive(Clone, Copy, Debug)]
@@ -79,7 +79,7 @@ const STEP: f64 = 5.0;
 
 static SAMPLES: LazyLock<Vec<Sample>> = LazyLock::new(|| {
     let text = include_str!("../data/gas_lowtran7_band_model.csv");
-    (text.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_digit())))
+    let mut samples: Vec<Sample> = (text.lines().filter(|line| line.starts_with(|c: char| c.is_ascii_digit())))
         .map(|line| {
             let cells: Vec<Option<f64>> = line.split(',').map(|cell| cell.trim().parse().ok()).collect();
             let number = |i: usize| cells[i].expect("the table holds numbers here");
@@ -90,7 +90,11 @@ static SAMPLES: LazyLock<Vec<Sample>> = LazyLock::new(|| {
                 smooth: [number(6), number(7), number(8), number(9)],
             }
         })
-        .collect()
+        .collect();
+    // The table ends with nothing absorbing at 26 000 cm⁻¹, between the Chappuis and the Huggins bands of ozone.
+    let end = (1e4 / COVERED.0 - FIRST_SAMPLE) / STEP;
+    samples.resize_with(end.ceil() as usize + 1, || Sample { water: None, oxygen: None, smooth: [0.0; 4] });
+    samples
 });
 
 /// Shares of the samples in an interval of wavelength \[µm\]; each stands for the 5 cm⁻¹ about it.

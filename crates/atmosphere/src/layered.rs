@@ -13,7 +13,7 @@ use crate::strata::Site;
 use crate::{Atmosphere, AtmosphereError, Column, Needs, SkyState, Sun, coverage, gas};
 
 const MANUAL: &str = "\
-A column of air in layers on a round Earth, its multiple scattering solved; 0.385 to 1.04 µm.
+A column of air in layers on a round Earth, its multiple scattering solved; 0.38 to 1.04 µm.
 
 Light
   E_s   TSIS-1 HSRS, means of 1 nm [Coddington2023], over d² of the date
