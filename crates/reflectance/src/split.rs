@@ -38,6 +38,18 @@ impl AngularSpectra {
         self.spectra.iter().all(|spectrum| spectrum.iter().all(|value| *value == 0.0))
     }
 
+    /// The sum with another on the same nodes.
+    ///
+    /// # Panics
+    /// Where the nodes differ.
+    pub(crate) fn plus(&self, other: &Self) -> Self {
+        assert!(self.theta == other.theta);
+        let sum = |(a, b): (&Spectrum<Reflectance>, &Spectrum<Reflectance>)| {
+            Spectrum::new(a.iter().zip(b.iter()).map(|(a, b)| a + b).collect())
+        };
+        Self { theta: self.theta.clone(), spectra: self.spectra.iter().zip(&other.spectra).map(sum).collect() }
+    }
+
     /// The two nodes beside a view angle \[rad\] and their weights; the second weight is 0 at a node and outside.
     pub fn weights(&self, theta: f64) -> [(usize, f64); 2] {
         let above = self.theta.partition_point(|node| *node <= theta);
