@@ -113,7 +113,7 @@ impl Part for Lobe {
 }
 
 impl Gloss for Lobe {
-    fn sample(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
+    fn draw(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
         let (chosen, u1) = pick(self.drawn.len(), u[1]);
         // cos² θ_h = (1 − u)^(2/(m+2)), its density (m+2)/(2π) cos^(m+1) θ_h.
         let tan_squared = (-2.0 / (self.drawn[chosen] + 2.0) * (-u[0]).ln_1p()).exp_m1();
@@ -121,7 +121,7 @@ impl Gloss for Lobe {
     }
 
     /// (m+2)/(2π) (n·h)^(m+1)/(4 o·h)
-    fn density(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
+    fn drawn_with(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         let half = Half::of(incident, outgoing);
         let of = |m: &f64| (m + 2.0) / TAU * power(m + 1.0, &half) / (4.0 * half.cos_b);
         self.drawn.iter().map(of).sum::<f64>() / self.drawn.len() as f64

@@ -32,6 +32,24 @@ pub(crate) trait Part: Send + Sync {
         shapes.fill(0.0);
     }
 
+    /// An incident direction for a body; it may lie below the surface, and `None` is a draw without one.
+    fn sample(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
+        let _ = outgoing;
+        Some(cosine_hemisphere(u))
+    }
+
+    /// Density of [`sample`](Self::sample) \[sr⁻¹\].
+    fn density(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
+        let _ = outgoing;
+        incident.cos() / PI
+    }
+
+    /// The split of a body that has a lobe of its own, on nodes of view angle \[rad\] with its reflectance there.
+    fn split(&self, angles: &[f64], reflectance: &[Vec<f64>]) -> Option<Split> {
+        let _ = (angles, reflectance);
+        None
+    }
+
     /// Adds its directional-hemispherical reflectance for light at `theta` \[rad\], where it knows it in closed form.
     fn add_albedo(&self, theta: f64, rho: &mut [f64]) -> bool {
         let _ = (theta, rho);
@@ -52,10 +70,10 @@ pub(crate) fn add_terms(part: &(impl Part + ?Sized), incident: LocalDir, outgoin
 /// A lobe about the mirror direction.
 pub(crate) trait Gloss: Part {
     /// An incident direction; it may lie below the surface, and `None` is a draw without one.
-    fn sample(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir>;
+    fn draw(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir>;
 
-    /// Density of [`sample`](Self::sample) \[sr⁻¹\].
-    fn density(&self, incident: LocalDir, outgoing: LocalDir) -> f64;
+    /// Density of [`draw`](Self::draw) \[sr⁻¹\].
+    fn drawn_with(&self, incident: LocalDir, outgoing: LocalDir) -> f64;
 
     /// The slope tan θ_h of the half vector within which most of the lobe lies at an entry, for integrals.
     fn slope(&self, entry: usize) -> f64;
@@ -95,10 +113,10 @@ impl Part for Nothing {
 }
 
 impl Gloss for Nothing {
-    fn sample(&self, _: LocalDir, _: [f64; 2]) -> Option<LocalDir> {
+    fn draw(&self, _: LocalDir, _: [f64; 2]) -> Option<LocalDir> {
         None
     }
-    fn density(&self, _: LocalDir, _: LocalDir) -> f64 {
+    fn drawn_with(&self, _: LocalDir, _: LocalDir) -> f64 {
         0.0
     }
     fn slope(&self, _: usize) -> f64 {
@@ -199,6 +217,9 @@ impl<B: Part, G: Gloss> Composite<B, G> {
             diffuse.push(body);
             specular.push(gloss);
         }
+        if let Some(split) = self.body.split(&theta, &diffuse) {
+            return split;
+        }
         let mut printed = Vec::new();
         let mut solid_angle = Vec::new();
         for (node, t) in theta.iter().enumerate() {
@@ -266,8 +287,8 @@ impl<B: Part, G: Gloss> Composite<B, G> {
     }
 
     fn density(&self, choice: [f64; 3], incident: LocalDir, outgoing: LocalDir) -> f64 {
-        let gloss = if choice[1] > 0.0 { choice[1] * self.gloss.density(incident, outgoing) } else { 0.0 };
-        choice[0] * incident.cos() / PI + gloss
+        let gloss = if choice[1] > 0.0 { choice[1] * self.gloss.drawn_with(incident, outgoing) } else { 0.0 };
+        choice[0] * self.body.density(incident, outgoing) + gloss
     }
 }
 
@@ -435,14 +456,18 @@ impl<B: Part, G: Gloss> Bsdf for Composite<B, G> {
         }
         let choice = self.choice(outgoing);
         let incident = if u[2] < choice[1] {
-            self.gloss.sample(outgoing, [u[0], u[1]])?
+            self.gloss.draw(outgoing, [u[0], u[1]])?
         } else if u[2] < choice[1] + choice[2] {
             return Some(Sample { incident: outgoing.mirrored(), mirror: true, pdf: choice[2] });
         } else {
-            cosine_hemisphere([u[0], u[1]])
+            self.body.sample(outgoing, [u[0], u[1]])?
         };
         let pdf = |incident| self.density(choice, incident, outgoing);
         (incident.cos() > 0.0).then(|| Sample { incident, mirror: false, pdf: pdf(incident) })
+    }
+
+    fn mirror_probability(&self, outgoing: LocalDir) -> f64 {
+        if self.lobes.mirror && outgoing.cos() > 0.0 { self.choice(outgoing)[2] } else { 0.0 }
     }
 
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {

@@ -388,6 +388,8 @@ impl Suite<'_> {
                     let off = (incident.vec() - outgoing.mirrored().vec()).length();
                     let chance = (-sample.pdf).max(sample.pdf - 1.0);
                     worst.see(off.max(chance), || pair(incident, outgoing));
+                    let stated = self.model.mirror_probability(outgoing);
+                    worst.see((sample.pdf / stated - 1.0).abs(), || pair(incident, outgoing));
                 } else {
                     let density = self.model.pdf(incident, outgoing);
                     worst.see((sample.pdf / density - 1.0).abs(), || pair(incident, outgoing));

@@ -143,7 +143,7 @@ impl Part for FacetLobe {
 }
 
 impl Gloss for FacetLobe {
-    fn sample(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
+    fn draw(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
         let (chosen, u1) = pick(self.drawn.len(), u[1]);
         let m = self.drawn[chosen].0.max(SMOOTH);
         let h = match self.law {
@@ -160,7 +160,7 @@ impl Gloss for FacetLobe {
         reflected(h, outgoing)
     }
 
-    fn density(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
+    fn drawn_with(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         let half = Half::of(incident, outgoing);
         let of = |(m, _): &(f64, f64)| {
             let m = m.max(SMOOTH);

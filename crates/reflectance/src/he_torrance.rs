@@ -193,13 +193,13 @@ impl Part for Waves {
 }
 
 impl Gloss for Waves {
-    fn sample(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
+    fn draw(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
         let (chosen, u1) = pick(self.drawn.len(), u[1]);
         let m = self.drawn[chosen];
         reflected(normal(-m * m * (-u[0]).ln_1p(), u1), outgoing)
     }
 
-    fn density(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
+    fn drawn_with(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         let half = Half::of(incident, outgoing);
         let of = |m: &f64| beckmann(*m, &half) * half.cos / (4.0 * half.cos_b);
         self.drawn.iter().map(of).sum::<f64>() / self.drawn.len() as f64

@@ -16,7 +16,9 @@ mod he_torrance;
 mod ideal;
 mod leaf;
 mod maxwell_beard;
+mod measured;
 mod microfacet;
+mod mix;
 mod oren_nayar;
 mod phong;
 mod quadrature;
@@ -62,7 +64,9 @@ pub const BUILTIN: &[Model<dyn Bsdf>] = &[
     rpv::MODEL,
     ross_li::MODEL,
     hapke::MODEL,
+    measured::MODEL,
     leaf::MODEL,
+    mix::MODEL,
 ];
 
 /// Which lobes a model has, so that no ray is cast for a lobe that is absent.
@@ -140,6 +144,12 @@ pub trait Bsdf: Send + Sync {
     /// Draws an incident direction with two numbers of \[0, 1) and a third that chooses the lobe; `None` where the
     /// draw falls below the surface.
     fn sample(&self, outgoing: LocalDir, u: [f64; 3]) -> Option<Sample>;
+
+    /// Probability with which `sample` gives the mirror direction as such.
+    fn mirror_probability(&self, outgoing: LocalDir) -> f64 {
+        let _ = outgoing;
+        0.0
+    }
 
     /// Density of `sample` \[sr⁻¹\] over the smooth lobes.
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64;

@@ -267,13 +267,13 @@ impl Part for FirstSurface {
 
 impl Gloss for FirstSurface {
     /// Half vectors of a long-tailed distribution as wide as the facets'.
-    fn sample(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
+    fn draw(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
         let (chosen, u1) = pick(self.drawn.len(), u[1]);
         let slope = self.drawn[chosen];
         reflected(normal(slope * slope * u[0] / (1.0 - u[0]), u1), outgoing)
     }
 
-    fn density(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
+    fn drawn_with(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         let half = Half::of(incident, outgoing);
         let of = |slope: &f64| trowbridge_reitz(*slope, &half) * half.cos / (4.0 * half.cos_b);
         self.drawn.iter().map(of).sum::<f64>() / self.drawn.len() as f64

@@ -127,13 +127,13 @@ impl Part for Lobe {
 }
 
 impl Gloss for Lobe {
-    fn sample(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
+    fn draw(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
         let (chosen, u1) = pick(self.drawn.len(), u[1]);
         Some(cosine_lobe(outgoing.mirrored(), self.drawn[chosen], [u[0], u1]))
     }
 
     /// (m+1)/(2π) (r·o)^m
-    fn density(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
+    fn drawn_with(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         let of = |m: &f64| (m + 1.0) / TAU * power(*m, incident, outgoing);
         self.drawn.iter().map(of).sum::<f64>() / self.drawn.len() as f64
     }

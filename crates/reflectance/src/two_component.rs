@@ -111,6 +111,10 @@ impl Bsdf for TwoComponent {
         (incident.cos() > 0.0).then(|| Sample { incident, mirror: false, pdf: self.pdf(incident, outgoing) })
     }
 
+    fn mirror_probability(&self, outgoing: LocalDir) -> f64 {
+        if self.lobes.mirror && outgoing.cos() > 0.0 { self.specular_choice(outgoing.theta()) } else { 0.0 }
+    }
+
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         if incident.cos() <= 0.0 || outgoing.cos() <= 0.0 || self.lobes == Lobes::default() {
             return 0.0;

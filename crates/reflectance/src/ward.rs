@@ -113,14 +113,14 @@ impl Part for Lobe {
 
 impl Gloss for Lobe {
     /// tan² θ_h = −α² ln(1 − u) [Ward1992, eq. 7; Walter2005, eq. 6].
-    fn sample(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
+    fn draw(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
         let (chosen, u1) = pick(self.drawn.len(), u[1]);
         let alpha = self.drawn[chosen];
         reflected(normal(-alpha * alpha * (-u[0]).ln_1p(), u1), outgoing)
     }
 
     /// exp(−tan² θ_h/α²)/(4π α² (o·h) cos³ θ_h) [Walter2005, eq. 9].
-    fn density(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
+    fn drawn_with(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         let half = Half::of(incident, outgoing);
         let of = |alpha: &f64| {
             let gauss = (-half.tan_squared / (alpha * alpha)).exp() / (PI * alpha * alpha);

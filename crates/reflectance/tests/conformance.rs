@@ -8,7 +8,7 @@ mod given;
 use std::f64::consts::TAU;
 
 use given::{Given, STARK, WINDOW, bind, bind_on, constant, curve, grid, number, table, word};
-use sunglint_plugin::{SpectralValue, TableKey, Value};
+use sunglint_plugin::{Args, Component, SpectralValue, Table, TableKey, Value};
 use sunglint_radiometry::SpectralGrid;
 use sunglint_reflectance::conformance::{Options, check, spectral_consistency};
 use sunglint_reflectance::{BUILTIN, Category};
@@ -30,6 +30,12 @@ fn metal() -> Given {
 /// Glass or a clear coat.
 fn coat() -> Given {
     vec![constant("n", 1.5)]
+}
+
+/// All but the last number of a row in radians.
+fn degrees(row: Vec<f64>) -> Vec<f64> {
+    let n = row.len() - 1;
+    row.into_iter().enumerate().map(|(i, value)| if i < n { value.to_radians() } else { value }).collect()
 }
 
 fn with(base: &Given, more: Given) -> Given {
@@ -187,6 +193,70 @@ fn cases(model: &str) -> Vec<Given> {
                 vec![ramp("w", 0.2, 0.8), ramp("roughness", 0.0, 0.4)],
             ]
         }
+        "measured" => {
+            let lobe = |i: f64, o: f64, phi: f64, width: f64| {
+                let (a, b) = (i.to_radians(), o.to_radians());
+                let cos = (a.cos() * b.cos() - a.sin() * b.sin() * phi.to_radians().cos()).clamp(-1.0, 1.0);
+                0.2 + 0.8 * (-(cos.acos() / width).powi(2)).exp()
+            };
+            let full = |width: f64, step: f64| {
+                let mut rows = Vec::new();
+                let angles =
+                    |most: f64, step: f64| (0..).map(move |k| step * f64::from(k)).take_while(move |a| *a <= most);
+                for i in angles(80.0, step) {
+                    for o in angles(80.0, step) {
+                        rows.extend(angles(180.0, step).map(|phi| degrees(vec![i, o, phi, lobe(i, o, phi, width)])));
+                    }
+                }
+                vec![("table".to_string(), Value::Table(Table { key: TableKey::None, rows }))]
+            };
+            let plane = |width: f64, extension: &str| {
+                let mut rows = Vec::new();
+                for i in [8.0, 30.0, 45.0, 60.0, 75.0] {
+                    for v in [-75.0, -60.0, -45.0, -30.0, -8.0, 8.0, 30.0, 45.0, 60.0, 75.0_f64] {
+                        let phi = if v < 0.0 { 180.0 } else { 0.0 };
+                        rows.push(degrees(vec![i, v, lobe(i, v.abs(), phi, width)]));
+                    }
+                }
+                let table = Value::Table(Table { key: TableKey::None, rows });
+                vec![("in_plane".to_string(), table), word("extension", extension)]
+            };
+            let mut cases = vec![full(0.3, 10.0), full(0.8, 20.0)];
+            cases.extend([0.2, 0.5].map(|width| plane(width, "half_angle")));
+            cases.push(plane(0.4, "cosine"));
+            cases
+        }
+        "mix" => {
+            let part = |weight: f64, model: &str, given: Given| Component {
+                weight,
+                model: model.to_string(),
+                args: Args::new(&given::model(model).info, given),
+            };
+            let matt = |weight| part(weight, "ideal", vec![constant("diffuse", 0.6)]);
+            let gloss = |weight: f64, m: f64| {
+                part(
+                    weight,
+                    "phong",
+                    vec![constant("diffuse", 0.1), constant("specular", 0.6), constant("exponent", m)],
+                )
+            };
+            let mirror = |weight| part(weight, "ideal", vec![constant("specular", 0.9)]);
+            let metal = |weight: f64, m: f64| part(weight, "ggx", with(&metal(), vec![constant("roughness", m)]));
+            let leaf = |weight| part(weight, "leaf", vec![constant("diffuse", 0.4), constant("transmittance", 0.4)]);
+            let of = |parts: Vec<Component>| vec![("weights".to_string(), Value::Mixture(parts))];
+            let nested = Component {
+                weight: 0.4,
+                model: "mix".into(),
+                args: Args::new(&given::model("mix").info, of(vec![matt(0.3), mirror(0.7)])),
+            };
+            vec![
+                of(vec![matt(0.5), gloss(0.5, 100.0)]),
+                of(vec![mirror(0.2), matt(0.5), metal(0.3, 0.3)]),
+                of(vec![leaf(0.7), gloss(0.2, 10.0)]),
+                of(vec![metal(0.5, 0.05), metal(0.5, 0.5)]),
+                of(vec![nested, matt(0.1), gloss(0.3, 1e4)]),
+            ]
+        }
         "leaf" => vec![
             vec![constant("diffuse", 0.5), constant("transmittance", 0.5)],
             vec![ramp("reflectance", 0.05, 0.45), ramp("transmittance", 0.02, 0.5)],
@@ -236,7 +306,7 @@ macro_rules! models {
 
 models! {
     ideal split total_diffuse phong blinn_phong torrance_sparrow cook_torrance he_torrance maxwell_beard ward ggx
-    rough_conductor oren_nayar rpv ross_li hapke leaf
+    rough_conductor oren_nayar rpv ross_li hapke measured leaf mix
 }
 
 /// A value for one band only is a value.

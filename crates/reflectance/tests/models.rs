@@ -178,22 +178,27 @@ fn faults_of_a_scene_are_named_with_their_code() {
         "M05",
         "the mean of R_d over the hemisphere",
     );
-    has("phong", vec![constant("diffuse", 0.1), number("exponent", 3.0)], "S05", "specular");
+    has("phong", vec![constant("diffuse", 0.1), constant("exponent", 3.0)], "S05", "specular");
     has("phong", vec![constant("diffuse", 0.1), constant("specular", 0.1)], "S05", "exponent");
-    has("phong", vec![constant("specular", 0.1), number("exponent", 3.0)], "S05", "no diffuse part");
+    has("phong", vec![constant("specular", 0.1), constant("exponent", 3.0)], "S05", "no diffuse part");
     has(
         "phong",
-        vec![constant("diffuse", 0.8), constant("specular", 0.3), number("exponent", 3.0)],
+        vec![constant("diffuse", 0.8), constant("specular", 0.3), constant("exponent", 3.0)],
         "M05",
         "by 0.1000",
     );
     has(
         "phong",
-        vec![constant("reflectance", 0.1), constant("specular", 0.3), number("exponent", 3.0)],
+        vec![constant("reflectance", 0.1), constant("specular", 0.3), constant("exponent", 3.0)],
         "M05",
         "by 0.2000",
     );
-    has("phong", vec![constant("diffuse", 0.8), constant("specular", 0.1), number("exponent", 2e6)], "U05", "exponent");
+    has(
+        "phong",
+        vec![constant("diffuse", 0.8), constant("specular", 0.1), constant("exponent", 2e6)],
+        "U05",
+        "exponent",
+    );
 }
 
 #[test]

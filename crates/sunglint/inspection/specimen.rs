@@ -139,7 +139,7 @@ impl Specimen {
             }
         };
         self.material.reflectance.iter().for_each(&mut of);
-        for (_, value) in self.use_.args.iter() {
+        for value in self.use_.args.flattened() {
             if let Value::Spectrum(value) = value {
                 of(value);
             }
@@ -195,7 +195,7 @@ impl Specimen {
 
     fn is_per_band(&self) -> bool {
         let per_band = |value: &SpectralValue| matches!(value, SpectralValue::PerBand(_));
-        self.use_.args.iter().any(|(_, value)| match value {
+        self.use_.args.flattened().into_iter().any(|value| match value {
             Value::Spectrum(value) => per_band(value),
             Value::Table(table) => matches!(table.key, TableKey::Band(_)),
             _ => false,
