@@ -40,6 +40,8 @@ pub(crate) struct FacetLobe {
     /// Roughnesses that draws are made with, and their B.
     drawn: Vec<(f64, f64)>,
     terms: Option<[Vec<f64>; 1]>,
+    /// Whether the facets are one mirror at every wavelength.
+    smooth: bool,
 }
 
 impl FacetLobe {
@@ -54,12 +56,8 @@ impl FacetLobe {
         // One interface and one roughness for all wavelengths: f = s(λ) × geometry.
         let even = roughness.constant().is_some() && interface.as_ref().is_none_or(|i| i.constant().is_some());
         let terms = even.then(|| [scale.clone()]);
-        Self { law, roughness, norm, interface, scale, drawn, terms }
-    }
-
-    /// Whether the facets are one mirror at every wavelength.
-    fn is_smooth(&self) -> bool {
-        self.roughness.range().1 < SMOOTH
+        let smooth = roughness.range().1 < SMOOTH;
+        Self { law, roughness, norm, interface, scale, drawn, terms, smooth }
     }
 
     fn distribution(&self, m: f64, norm: f64, half: &Half) -> f64 {
@@ -107,11 +105,11 @@ fn gaussian_norm(m: f64) -> f64 {
 
 impl Part for FacetLobe {
     fn is_present(&self) -> bool {
-        !self.is_smooth() && self.scale.iter().any(|s| *s > 0.0)
+        !self.smooth && self.scale.iter().any(|s| *s > 0.0)
     }
 
     fn add(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) {
-        if self.is_smooth() {
+        if self.smooth {
             return;
         }
         if self.terms.is_some() {
@@ -186,7 +184,7 @@ impl Gloss for FacetLobe {
     }
 
     fn add_mirror(&self, theta: f64, rho: &mut [f64]) {
-        if !self.is_smooth() {
+        if !self.smooth {
             return;
         }
         match &self.interface {
@@ -198,7 +196,7 @@ impl Gloss for FacetLobe {
     }
 
     fn has_mirror(&self) -> bool {
-        self.is_smooth() && self.scale.iter().any(|s| *s > 0.0)
+        self.smooth && self.scale.iter().any(|s| *s > 0.0)
     }
 }
 

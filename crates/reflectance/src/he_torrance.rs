@@ -94,29 +94,19 @@ impl Waves {
         lobe
     }
 
-    /// σ, the roughness that is left once what lies in shadow does not count, and S, Smith's shadowing
-    /// [He1991, eqs. 80, 23–25], for two angles to the normal.
+    /// [`shaded`] of an entry.
     fn shaded(&self, entry: usize, incident: Angle, outgoing: Angle) -> (f64, f64) {
-        let (sigma_0, tau) = (self.height.at(entry), self.correlation.at(entry));
-        if sigma_0 == 0.0 {
-            return (0.0, 1.0);
-        }
-        // x = τ cot θ/(2σ₀)
-        let x = |angle: Angle| tau / (2.0 * sigma_0 * angle.tan.max(1e-300));
-        let hidden = |angle: Angle| angle.tan * erfc(x(angle));
-        let sum = (hidden(incident) + hidden(outgoing)) / (8.0 * PI).sqrt();
-        let y = lambert_root(sum);
-        let shadowing = |angle: Angle| {
-            let x = x(angle);
-            let lambda = 0.5 * ((-x * x).exp() / (PI.sqrt() * x) - erfc(x)).max(0.0);
-            (1.0 - 0.5 * erfc(x)) / (1.0 + lambda)
-        };
-        (sigma_0 / y.hypot(1.0), shadowing(incident) * shadowing(outgoing))
+        shaded(self.height.at(entry), self.correlation.at(entry), incident, outgoing)
+    }
+
+    /// Whether the surface is the same at every wavelength.
+    fn is_even(&self) -> bool {
+        self.height.constant().is_some() && self.correlation.constant().is_some()
     }
 
     /// G S D/(π cos θ_i cos θ_o), the directional-diffuse lobe of a surface that reflects all.
-    fn lobe(&self, entry: usize, half: &Half, incident: LocalDir, outgoing: LocalDir) -> f64 {
-        let (sigma, shadowing) = self.shaded(entry, Angle::of(incident), Angle::of(outgoing));
+    fn lobe(&self, entry: usize, half: &Half, shaded: (f64, f64), incident: LocalDir, outgoing: LocalDir) -> f64 {
+        let (sigma, shadowing) = shaded;
         let (lambda, tau) = (self.wavelength[entry], self.correlation.at(entry));
         let cosines = incident.cos() + outgoing.cos();
         let g = (TAU * sigma / lambda * cosines).powi(2);
@@ -134,6 +124,25 @@ impl Waves {
         let geometry = (4.0 * half.cos_b * half.cos_b / cosines).powi(2);
         geometry * shadowing * d / (PI * each)
     }
+}
+
+/// σ, the roughness that is left once what lies in shadow does not count, and S, Smith's shadowing
+/// [He1991, eqs. 80, 23–25], for two angles to the normal.
+fn shaded(sigma_0: f64, tau: f64, incident: Angle, outgoing: Angle) -> (f64, f64) {
+    if sigma_0 == 0.0 {
+        return (0.0, 1.0);
+    }
+    // x = τ cot θ/(2σ₀)
+    let x = |angle: Angle| tau / (2.0 * sigma_0 * angle.tan.max(1e-300));
+    let hidden = |angle: Angle| angle.tan * erfc(x(angle));
+    let sum = (hidden(incident) + hidden(outgoing)) / (8.0 * PI).sqrt();
+    let y = lambert_root(sum);
+    let shadowing = |angle: Angle| {
+        let x = x(angle);
+        let lambda = 0.5 * ((-x * x).exp() / (PI.sqrt() * x) - erfc(x)).max(0.0);
+        (1.0 - 0.5 * erfc(x)) / (1.0 + lambda)
+    };
+    (sigma_0 / y.hypot(1.0), shadowing(incident) * shadowing(outgoing))
 }
 
 #[derive(Clone, Copy)]
@@ -186,8 +195,11 @@ impl Part for Waves {
 
     fn add(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) {
         let half = Half::of(incident, outgoing);
+        let (i, o) = (Angle::of(incident), Angle::of(outgoing));
+        let even = self.is_even().then(|| self.shaded(0, i, o));
         self.interface.each(f.len(), half.cos_b, |entry, fresnel| {
-            f[entry] += fresnel * self.lobe(entry, &half, incident, outgoing);
+            let shaded = even.unwrap_or_else(|| self.shaded(entry, i, o));
+            f[entry] += fresnel * self.lobe(entry, &half, shaded, incident, outgoing);
         });
     }
 }
