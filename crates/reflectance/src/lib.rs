@@ -6,6 +6,7 @@
 mod category;
 pub mod conformance;
 mod fresnel;
+mod grazing;
 mod ideal;
 mod phong;
 mod quadrature;
@@ -20,6 +21,7 @@ mod view_table;
 
 pub use category::Category;
 pub use fresnel::fresnel_dielectric;
+pub use grazing::{Excess, Grazing};
 pub use shipped::{shipped, shipped_materials, shipped_names};
 pub use split::{AngularSpectra, Split};
 pub use top_hat::{SOLAR_DISK, TopHat};
