@@ -3,9 +3,11 @@
 //! Directions are local (z along the normal) and point away from the surface, both of them. The BSDF `f` \[sr⁻¹\] is
 //! without the cosine: dL = f L_i cos θ_i dω_i.
 
+mod aperture;
 mod category;
 pub mod conformance;
 mod fresnel;
+mod goniometer;
 mod grazing;
 mod ideal;
 mod interpolation;
@@ -16,6 +18,7 @@ mod scans;
 mod shipped;
 mod spectral;
 mod split;
+mod split_fit;
 mod split_model;
 mod top_hat;
 mod two_component;
@@ -23,11 +26,15 @@ mod view_table;
 
 pub use category::Category;
 pub use fresnel::fresnel_dielectric;
+pub use goniometer::{Goniometer, GoniometerBand, ReadingNoise};
 pub use grazing::{Excess, Grazing};
 pub use interpolation::Interpolation;
 pub use scans::{Gaps, Measurement, Place, Reading, Report, SAME_ANGLE, ScanBand, ScanFault, ScanFaults, Scans};
 pub use shipped::{shipped, shipped_materials, shipped_names};
 pub use split::{AngularSpectra, Split};
+pub use split_fit::{
+    BandSplit, DiffuseNode, Noise, SpecularColumn, SpecularNode, SplitFit, SplitOptions, SplitRow, Support, fit_split,
+};
 pub use top_hat::{SOLAR_DISK, TopHat};
 
 use sunglint_plugin::Model;

@@ -132,10 +132,10 @@ pub struct ScanFault {
 }
 
 impl ScanFault {
-    fn new(code: &'static str, line: Option<u64>, message: impl Into<String>) -> Self {
+    pub(crate) fn new(code: &'static str, line: Option<u64>, message: impl Into<String>) -> Self {
         Self { code, line, message: message.into(), help: None }
     }
-    fn help(self, help: impl Into<String>) -> Self {
+    pub(crate) fn help(self, help: impl Into<String>) -> Self {
         Self { help: Some(help.into()), ..self }
     }
 }
@@ -160,13 +160,13 @@ pub struct ScanFaults {
 }
 
 impl ScanFaults {
-    fn push(&mut self, fault: ScanFault) {
+    pub(crate) fn push(&mut self, fault: ScanFault) {
         self.count += 1;
         if self.faults.len() < MOST_FAULTS {
             self.faults.push(fault);
         }
     }
-    fn into_result<T>(self, value: impl FnOnce() -> T) -> Result<T, Self> {
+    pub(crate) fn into_result<T>(self, value: impl FnOnce() -> T) -> Result<T, Self> {
         if self.count == 0 { Ok(value()) } else { Err(self) }
     }
 }
