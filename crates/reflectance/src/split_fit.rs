@@ -415,7 +415,7 @@ impl SplitFit {
         format!("split {{ table \"{file}\", solid_angle {} sr{rest} }}", self.solid_angle)
     }
 
-    /// The table that the model `split` takes, `band` or `wavelength_nm` where there are several, `view_zenith_deg`,
+    /// The table that the model `split` takes, `band`, or `wavelength_nm` where there are several, `view_zenith_deg`,
     /// `diffuse`, `specular`, from 0 to 90° at every degree and at the measured angles, with columns behind that say what
     /// each row rests on. In a table of BRF the row at 90°, where ρ_s > 0 has no finite one, states R_s with the cosine of
     /// 89°, and the model takes ρ_s from its rule, `grazing`.
@@ -430,8 +430,11 @@ impl SplitFit {
             ScanBand::All | ScanBand::Named(_) => true,
         };
         let in_nm = self.bands.iter().all(exact);
+        // One wavelength alone would speak for no band.
+        let alone = self.bands.len() == 1;
         let key = |band: &ScanBand| match band {
             ScanBand::All => None,
+            ScanBand::Wavelength(_) if alone => None,
             ScanBand::Named(name) => Some(("band", name.clone())),
             ScanBand::Wavelength(w) if in_nm => Some(("wavelength_nm", rounded(w.nm()).to_string())),
             ScanBand::Wavelength(w) => Some(("wavelength_um", w.um().to_string())),
@@ -473,8 +476,14 @@ impl SplitFit {
             SpecularColumn::Reflectance => "rho_s, a reflectance".to_string(),
         };
         let table = out.into_inner().ok().and_then(|bytes| String::from_utf8(bytes).ok()).unwrap_or_default();
+        let of = match &self.bands[..] {
+            [BandSplit { band: band @ ScanBand::Wavelength(_), .. }] => {
+                format!("# measured at {band}, here for all wavelengths\n")
+            }
+            _ => String::new(),
+        };
         format!(
-            "# diffuse: R_d; specular: {what}; errors by noise, spread over illumination\n# in a scene: {}\n{table}",
+            "# diffuse: R_d; specular: {what}; errors by noise, spread over illumination\n{of}# in a scene: {}\n{table}",
             self.in_a_scene("this file", column)
         )
     }
