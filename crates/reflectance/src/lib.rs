@@ -3,6 +3,7 @@
 //! Directions are local (z along the normal) and point away from the surface, both of them. The BSDF `f` \[sr⁻¹\] is
 //! without the cosine: dL = f L_i cos θ_i dω_i.
 
+mod aperture;
 mod blinn_phong;
 mod category;
 mod composite;
@@ -11,9 +12,12 @@ mod cook_torrance;
 mod facet_lobe;
 mod fresnel;
 mod ggx;
+mod goniometer;
+mod grazing;
 mod hapke;
 mod he_torrance;
 mod ideal;
+mod interpolation;
 mod leaf;
 mod maxwell_beard;
 mod measured;
@@ -26,9 +30,11 @@ mod ross_li;
 mod rough_conductor;
 mod rpv;
 mod sampling;
+mod scans;
 mod shipped;
 mod spectral;
 mod split;
+mod split_fit;
 mod split_model;
 mod top_hat;
 mod torrance_sparrow;
@@ -39,8 +45,15 @@ mod ward;
 
 pub use category::Category;
 pub use fresnel::{fresnel_conductor, fresnel_dielectric};
+pub use goniometer::{Goniometer, GoniometerBand, ReadingNoise};
+pub use grazing::{Excess, Grazing};
+pub use interpolation::Interpolation;
+pub use scans::{Gaps, Measurement, Place, Reading, Report, SAME_ANGLE, ScanBand, ScanFault, ScanFaults, Scans};
 pub use shipped::{shipped, shipped_materials, shipped_names};
 pub use split::{AngularSpectra, Split};
+pub use split_fit::{
+    BandSplit, DiffuseNode, Noise, SpecularColumn, SpecularNode, SplitFit, SplitOptions, SplitRow, Support, fit_split,
+};
 pub use top_hat::{SOLAR_DISK, TopHat};
 
 use sunglint_plugin::Model;

@@ -6,6 +6,8 @@ use sunglint_radiometry::{LocalDir, Reflectance, Spectrum};
 
 use crate::{SOLAR_DISK, TopHat};
 
+use crate::grazing::Peak;
+
 /// Spectra on nodes of view angle, straight lines between: R(θ, λ) = Σ_j w_j(θ) R_j(λ). Two nodes at most have weight,
 /// so geometry is shared by all wavelengths and times.
 #[derive(Clone, Debug, PartialEq)]
@@ -52,6 +54,14 @@ impl AngularSpectra {
             Spectrum::new(a.iter().zip(b.iter()).map(|(a, b)| a + b).collect())
         };
         Self { theta: self.theta.clone(), spectra: self.spectra.iter().zip(&other.spectra).map(sum).collect() }
+    }
+
+    /// Every value by its angle \[rad\] and grid entry.
+    fn mapped(&self, value: impl Fn(f64, usize, f64) -> f64) -> Self {
+        let spectra = self.theta.iter().zip(&self.spectra).map(|(theta, spectrum)| {
+            spectrum.iter().enumerate().map(|(entry, before)| value(*theta, entry, *before)).collect()
+        });
+        Self::new(self.theta.clone(), spectra.collect())
     }
 
     /// The two nodes beside a view angle \[rad\] and their weights; the second weight is 0 at a node and outside.
@@ -152,9 +162,84 @@ impl Split {
         }
     }
 
+    /// The same shape with another total reflectance, one of 0..1 for each grid entry:
+    ///
+    /// ```text
+    /// 2 ∫ (R_d + ρ_s) cos θ sin θ dθ = T
+    /// R_d' = D + κ (c R_d − D)     ρ_s' = S + κ (c ρ_s − S)     c = T/2∫(R_d + ρ_s) cos θ sin θ dθ
+    /// κ = min(1, (1 − T)/(max c (R_d + ρ_s) − T), (1 − T)/(max c ρ_s − S))
+    /// ```
+    ///
+    /// D and S are the cosine-weighted means of c R_d and c ρ_s, D + S = T. κ < 1 flattens both towards their means
+    /// where R_d + ρ_s (a furnace) or D + ρ_s (light along one direction) would exceed 1, and keeps the total: near
+    /// T = 1 nothing is left to vary with angle. Between, a lobe that would have to exceed 1 at grazing starts from a
+    /// higher value at normal incidence, as a better reflector's does. R_s as stated changes in proportion to ρ_s. An
+    /// entry that is black has no shape and becomes Lambertian.
+    ///
+    /// `None` where the totals are not one of 0..1 for each entry.
+    pub fn scaled_to(&self, total: &[f64]) -> Option<Self> {
+        let n = self.diffuse.spectrum(0).len();
+        if total.len() != n || !total.iter().all(|t| (0.0..=1.0).contains(t)) {
+            return None;
+        }
+        let (d, s) = (self.diffuse.hemispherical(), self.specular.hemispherical());
+        let mut angles = [self.diffuse.angles(), self.specular.angles()].concat();
+        angles.sort_by(f64::total_cmp);
+        let scales: Vec<Scale> = (0..n)
+            .map(|entry| {
+                let (t, before) = (total[entry], d[entry] + s[entry]);
+                if before <= 0.0 {
+                    return Scale { factor: 0.0, diffuse: t, specular: 0.0, kappa: 0.0 };
+                }
+                let factor = t / before;
+                let (mut sum, mut lobe) = (0.0f64, 0.0f64);
+                for theta in &angles {
+                    let rho_s = factor * self.specular.at(*theta, entry);
+                    sum = sum.max(factor * self.diffuse.at(*theta, entry) + rho_s);
+                    lobe = lobe.max(rho_s);
+                }
+                let (diffuse, specular) = (factor * d[entry], factor * s[entry]);
+                let allowed = |excess: f64| if excess > 1.0 - t { (1.0 - t) / excess } else { 1.0 };
+                let kappa = allowed(sum - t).min(allowed(lobe - specular));
+                Scale { factor, diffuse, specular, kappa }
+            })
+            .collect();
+        let diffuse = self.diffuse.mapped(|_, entry, value| scales[entry].of(value, scales[entry].diffuse));
+        let specular = self.specular.mapped(|_, entry, value| scales[entry].of(value, scales[entry].specular));
+        let printed = if self.printed == self.specular {
+            specular.clone()
+        } else {
+            self.printed.mapped(|theta, entry, value| {
+                let (before, after) = (self.specular.at(theta, entry), specular.at(theta, entry));
+                let solid_angle = self.solid_angle_at(theta);
+                match () {
+                    () if before > 0.0 => value * after / before,
+                    () if solid_angle > 0.0 => Peak::Brf(solid_angle).stated(after, theta),
+                    () => after,
+                }
+            })
+        };
+        Some(Self { diffuse, specular, printed, solid_angle: self.solid_angle.clone() })
+    }
+
     /// Ω_s at a view angle \[rad\], a straight line between nodes \[sr\].
     pub fn solid_angle_at(&self, theta: f64) -> f64 {
         self.specular.weights(theta).iter().map(|(node, weight)| weight * self.solid_angle[*node]).sum()
+    }
+}
+
+/// How the components of one grid entry are scaled.
+struct Scale {
+    factor: f64,
+    /// Means over the hemisphere after scaling.
+    diffuse: f64,
+    specular: f64,
+    kappa: f64,
+}
+
+impl Scale {
+    fn of(&self, value: f64, mean: f64) -> f64 {
+        (mean + self.kappa * (self.factor * value - mean)).max(0.0)
     }
 }
 
@@ -162,6 +247,48 @@ impl Split {
 mod tests {
     use super::*;
     use std::f64::consts::FRAC_PI_2;
+
+    /// Any shape takes any total, exactly, and keeps both energy rules; where it fits under them it keeps its shape.
+    #[test]
+    fn a_split_scales_to_any_total_within_the_energy_rules() {
+        let total = [0.0, 0.03, 0.3, 0.7, 0.999, 1.0];
+        let repeat = |values: [f64; 4]| values.map(|value| vec![value; total.len()]).to_vec();
+        let theta = vec![0.0, 0.5, 1.2, FRAC_PI_2];
+        for (diffuse, specular) in [
+            ([0.3, 0.31, 0.2, 0.1], [0.01, 0.02, 0.1, 0.7]),
+            ([0.0; 4], [0.1, 0.1, 0.5, 1.0]),
+            ([0.2, 0.3, 0.9, 1.0], [0.0; 4]),
+            ([0.0; 4], [0.0; 4]),
+        ] {
+            let specular = AngularSpectra::new(theta.clone(), repeat(specular));
+            let solid_angle = vec![1e-3; 4];
+            let printed = specular.mapped(|theta, _, value| Peak::Brf(1e-3).stated(value, theta));
+            let diffuse = AngularSpectra::new(theta.clone(), repeat(diffuse));
+            let split = Split { diffuse, specular, printed, solid_angle };
+            let scaled = split.scaled_to(&total).expect("totals of 0..1");
+            let (d, s) = (scaled.diffuse.hemispherical(), scaled.specular.hemispherical());
+            for (entry, t) in total.iter().enumerate() {
+                assert!((d[entry] + s[entry] - t).abs() < 1e-14, "{t}");
+                for i in 0..=100 {
+                    let theta = FRAC_PI_2 * f64::from(i) / 100.0;
+                    let (r_d, rho_s) = (scaled.diffuse.at(theta, entry), scaled.specular.at(theta, entry));
+                    assert!(
+                        r_d >= 0.0 && rho_s >= 0.0 && r_d + rho_s <= 1.0 + 1e-14 && d[entry] + rho_s <= 1.0 + 1e-14
+                    );
+                }
+                for (node, theta) in theta.iter().enumerate() {
+                    let stated = Peak::Brf(1e-3).reflectance(scaled.printed.spectrum(node)[entry], *theta);
+                    assert!(*theta > 1.5 || (stated - scaled.specular.spectrum(node)[entry]).abs() < 1e-14);
+                }
+            }
+            let shape =
+                |split: &Split, theta: f64, entry| (split.diffuse.at(theta, entry), split.specular.at(theta, entry));
+            let ((a, b), (c, d)) = (shape(&split, 0.3, 1), shape(&scaled, 0.3, 1));
+            assert!((a * d - b * c).abs() < 1e-14);
+        }
+        assert!(Split::diffuse(AngularSpectra::constant(vec![0.1]), 1).scaled_to(&[1.1]).is_none());
+        assert!(Split::diffuse(AngularSpectra::constant(vec![0.1]), 1).scaled_to(&[0.1, 0.2]).is_none());
+    }
 
     /// R(θ) = θ from 0 to 90°: 2 ∫ θ cos θ sin θ dθ = π/4, by parts.
     #[test]

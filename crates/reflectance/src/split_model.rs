@@ -1,24 +1,22 @@
 #![doc = include_str!("split_model.md")]
 
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::TAU;
 use std::sync::Arc;
 
 use sunglint_plugin::{Args, BindError, Column, Default, Model, ModelInfo, Param};
 use sunglint_radiometry::{Dimension, SpectralGrid};
 
+use crate::grazing::{Grazing, Peak, Row, down_to_normal, excesses, to_horizon};
 use crate::spectral::{ROUNDING, reflectance_on};
 use crate::two_component::TwoComponent;
 use crate::view_table::{Profile, VIEW_ZENITH, degrees, on_grid, profiles};
-use crate::{AngularSpectra, Bsdf, Category, SOLAR_DISK, Split, fresnel_dielectric};
+use crate::{AngularSpectra, Bsdf, Category, SOLAR_DISK, Split};
 
 const COLUMNS: &[Column] = &[
     VIEW_ZENITH,
     Column { name: "diffuse", dimension: Dimension::Fraction, range: (0.0, 1.0) },
     Column { name: "specular", dimension: Dimension::Fraction, range: (0.0, f64::INFINITY) },
 ];
-
-/// Refractive index of the Fresnel-shaped growth beyond the last measured angle.
-const GRAZING_INDEX: f64 = 1.5;
 
 /// The split model.
 pub const MODEL: Model<dyn Bsdf> = Model {
@@ -98,9 +96,10 @@ fn measured(args: &Args, solid_angle: f64, grid: &SpectralGrid) -> Result<Split,
         let message = "a BRF peak is the mean over an aperture, never smaller than the sun's disk (68 usr)";
         return Err(BindError::new("U05", "solid_angle", message).help("or say `specular reflectance`"));
     }
-    let fresnel = args.word("grazing") != Some("hold");
+    let grazing = if args.word("grazing") == Some("hold") { Grazing::Hold } else { Grazing::Fresnel };
+    let peak = if brf { Peak::Brf(solid_angle) } else { Peak::Reflectance };
     let profiles: Vec<Profile> = (profiles("table", table, COLUMNS.len())?.into_iter())
-        .map(|profile| components(profile, brf, solid_angle, fresnel))
+        .map(|profile| components(profile, peak, grazing))
         .collect::<Result<_, _>>()?;
     let diffuse = on_grid("table", &profiles, DIFFUSE, grid)?;
     let specular = on_grid("table", &profiles, SPECULAR, grid)?;
@@ -116,11 +115,12 @@ const SPECULAR: usize = 1;
 const PRINTED: usize = 2;
 
 /// Turns rows (θ, R_d, R_s) into rows (θ, R_d, ρ_s, R_s) from 0 to 90° and holds them to the energy rules.
-fn components(mut profile: Profile, brf: bool, solid_angle: f64, fresnel: bool) -> Result<Profile, BindError> {
-    let of = profile.of.clone();
-    for (theta, values) in &mut profile.rows {
-        let (r_d, r_s) = (values[0], values[1]);
-        let angle = degrees(*theta);
+fn components(mut profile: Profile, peak: Peak, grazing: Grazing) -> Result<Profile, BindError> {
+    let of = &profile.of;
+    let mut rows = Vec::with_capacity(profile.rows.len());
+    for (theta, values) in &profile.rows {
+        let (theta, r_d, r_s) = (*theta, values[0], values[1]);
+        let angle = degrees(theta);
         if !(0.0..=1.0 + ROUNDING).contains(&r_d) {
             let message = format!("the diffuse component lies between 0 and 1; at {angle} deg{of} it is {r_d}");
             return Err(BindError::new("M05", "table", message));
@@ -129,50 +129,17 @@ fn components(mut profile: Profile, brf: bool, solid_angle: f64, fresnel: bool) 
             let message = format!("the specular component is not negative; at {angle} deg{of} it is {r_s}");
             return Err(BindError::new("M05", "table", message));
         }
-        let rho_s = if brf { r_s * solid_angle * theta.cos().max(0.0) / PI } else { r_s };
-        *values = vec![r_d, rho_s, r_s];
+        rows.push(Row { theta, diffuse: r_d, specular: peak.reflectance(r_s, theta), printed: r_s });
     }
-    if profile.rows[0].0 > 0.0 {
-        let first = profile.rows[0].1.clone();
-        profile.rows.insert(0, (0.0, first));
+    down_to_normal(&mut rows);
+    let known = rows.iter().filter(|row| peak.tells(row.theta)).count();
+    if let Some(excess) = excesses(&rows).first() {
+        let message = format!("returns more than it gets at {} deg{of}: {excess}", degrees(excess.theta));
+        return Err(BindError::new("M05", "table", message)
+            .help("`specular` may be a BRF with a smaller solid angle, or a reflectance"));
     }
-    let mean_r_d = AngularSpectra::new(
-        profile.rows.iter().map(|row| row.0).collect(),
-        profile.rows.iter().map(|row| vec![row.1[DIFFUSE]]).collect(),
-    )
-    .hemispherical()[0];
-    for (theta, values) in &profile.rows {
-        let (angle, r_d, rho_s) = (degrees(*theta), values[DIFFUSE], values[SPECULAR]);
-        let rules = [
-            (r_d, format!("R_d + rho_s = {r_d:.4} + {rho_s:.4}")),
-            (mean_r_d, format!("the mean of R_d over the hemisphere, {mean_r_d:.4}, + rho_s, {rho_s:.4}")),
-        ];
-        for (diffuse, sum) in rules {
-            let excess = diffuse + rho_s - 1.0;
-            if excess > ROUNDING {
-                let message = format!("returns more than it gets at {angle} deg{of}: {sum} exceeds 1 by {excess:.4}");
-                return Err(BindError::new("M05", "table", message)
-                    .help("`specular` may be a BRF with a smaller solid angle, or a reflectance"));
-            }
-        }
-    }
-    let (from, values) = profile.rows[profile.rows.len() - 1].clone();
-    if from < FRAC_PI_2 {
-        let f = |theta: f64| fresnel_dielectric(GRAZING_INDEX, theta.cos());
-        let mut degree = (from.to_degrees() + 1e-6).floor() + 1.0;
-        loop {
-            let theta = degree.min(90.0).to_radians();
-            let highest = (1.0 - values[DIFFUSE].max(mean_r_d)).max(values[SPECULAR]);
-            let wanted = if fresnel { values[SPECULAR] * f(theta) / f(from) } else { values[SPECULAR] };
-            let rho_s = wanted.min(highest);
-            let growth = if values[SPECULAR] > 0.0 { rho_s / values[SPECULAR] } else { 1.0 };
-            profile.rows.push((theta, vec![values[DIFFUSE], rho_s, values[PRINTED] * growth]));
-            if degree >= 90.0 {
-                break;
-            }
-            degree += 1.0;
-        }
-    }
+    to_horizon(&mut rows, known, grazing, peak);
+    profile.rows = rows.into_iter().map(|row| (row.theta, vec![row.diffuse, row.specular, row.printed])).collect();
     Ok(profile)
 }
 

@@ -6,7 +6,9 @@ mod column;
 mod compare;
 mod completions;
 mod explain;
+mod fit;
 mod fmt;
+mod goniometer;
 mod materials;
 mod models;
 mod new;
@@ -25,6 +27,7 @@ use clap::{Args, Parser, Subcommand};
 use sunglint::inspection::InspectionError;
 use sunglint::plot::{Format, Picture};
 use sunglint::plugin::Column;
+use sunglint::radiometry::{Dimension, unit, units_of};
 use sunglint::{Diagnostic, Options, Plan, Refused, Severity, Sources};
 
 /// Radiometrically correct synthetic images of outdoor scenes, 0.4–1.0 µm.
@@ -61,6 +64,8 @@ enum Command {
     Sun(sun::Sun),
     Atmosphere(Box<atmosphere::Atmosphere>),
     Reflectance(reflectance::Reflectance),
+    Goniometer(goniometer::Goniometer),
+    Fit(fit::Fit),
     Materials(materials::Materials),
     Test(test::Test),
     Compare(compare::Compare),
@@ -113,6 +118,8 @@ pub fn run() -> ExitCode {
         Command::Sun(command) => command.run(),
         Command::Atmosphere(command) => command.run(quiet),
         Command::Reflectance(command) => command.run(quiet),
+        Command::Goniometer(command) => command.run(quiet),
+        Command::Fit(command) => command.run(quiet),
         Command::Materials(command) => command.run(quiet),
         Command::Test(command) => command.run(quiet),
         Command::Compare(command) => command.run(quiet),
@@ -241,8 +248,8 @@ impl Only {
     }
 }
 
-/// Rows of numbers from a CSV file, in canonical units.
-fn read_rows(path: &Path, columns: &'static [Column]) -> Result<Vec<Vec<f64>>, Failure> {
+/// The text of a table, of 64 MiB at most.
+fn read_text(path: &Path) -> Result<String, Failure> {
     const LARGEST: u64 = 64 << 20;
     let bad = |message: String| Failure::BadInput(format!("{}: {message}", path.display()));
     let size = std::fs::metadata(path).map_err(|error| bad(error.to_string()))?.len();
@@ -250,12 +257,36 @@ fn read_rows(path: &Path, columns: &'static [Column]) -> Result<Vec<Vec<f64>>, F
         return Err(bad(format!("{size} bytes; at most {LARGEST} are read")));
     }
     let bytes = std::fs::read(path).map_err(|error| bad(error.to_string()))?;
-    let text = String::from_utf8(bytes).map_err(|_| bad("this is no UTF-8 text".into()))?;
+    String::from_utf8(bytes).map_err(|_| bad("this is no UTF-8 text".into()))
+}
+
+/// Rows of numbers from a CSV file, in canonical units.
+fn read_rows(path: &Path, columns: &'static [Column]) -> Result<Vec<Vec<f64>>, Failure> {
+    let text = read_text(path)?;
     let table = sunglint::dsl::table::read_table(&text, columns).map_err(|error| {
         let help = error.help.as_ref().map_or(String::new(), |help| format!("; {help}"));
-        bad(format!("{error}{help}"))
+        Failure::BadInput(format!("{}: {error}{help}", path.display()))
     })?;
     Ok(table.rows)
+}
+
+/// A number with its unit, in canonical units: `1.9 msr`, `1 %`. A fraction needs no unit, an angle without one is in
+/// degrees.
+fn parse_quantity(text: &str, of: Dimension) -> Result<f64, String> {
+    let text = text.trim();
+    let end = text.find(|c: char| !(c.is_ascii_digit() || "+-.eE".contains(c))).unwrap_or(text.len());
+    let (number, name) = (&text[..end], text[end..].trim());
+    let value: f64 = number.parse().ok().filter(|value: &f64| value.is_finite()).ok_or("this is no number")?;
+    let units = || units_of(of).map(|unit| unit.name).collect::<Vec<_>>().join(", ");
+    match (name, of) {
+        ("", Dimension::Fraction) => Ok(value),
+        ("", Dimension::Angle) => Ok(value.to_radians()),
+        ("", _) => Err(format!("write the unit, one of {}", units())),
+        (name, _) => match unit(name, of) {
+            Some(unit) => Ok(value * unit.factor + unit.offset),
+            None => Err(format!("`{name}` is no unit of {}; there are {}", of.noun(), units())),
+        },
+    }
 }
 
 /// Writes pictures, all of whose formats were looked at before.

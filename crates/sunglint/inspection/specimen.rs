@@ -12,6 +12,7 @@ use sunglint_reflectance::Bsdf;
 use sunglint_sensor::Band;
 
 use super::{InspectionError, database, unknown_name};
+use crate::grid::corners;
 use crate::{Checked, Refused, check, check_text, scenery};
 
 /// Half the width of the bin that stands for a wavelength \[µm\].
@@ -215,7 +216,7 @@ impl Specimen {
         (80..=200).map(|i| f64::from(i) * 0.005).filter(|l| (low..=high).contains(l)).collect()
     }
 
-    fn is_per_band(&self) -> bool {
+    pub(super) fn is_per_band(&self) -> bool {
         let per_band = |value: &SpectralValue| matches!(value, SpectralValue::PerBand(_));
         self.use_.args.flattened().into_iter().any(|value| match value {
             Value::Spectrum(value) => per_band(value),
@@ -253,11 +254,7 @@ impl Specimen {
             bins.push(Bin { lower, upper, band });
         }
         let grid = SpectralGrid::new(bins, names);
-        let model = sunglint_reflectance::BUILTIN.iter().find(|model| model.info.name == self.use_.name);
-        let Some(model) = model else {
-            return Err(InspectionError::Input(format!("no reflectance model is called `{}`", self.use_.name)));
-        };
-        let bsdf = (model.bind)(&self.use_.args, &grid).map_err(|error| self.refused(&error))?;
+        let bsdf = self.bind_on(&grid)?;
         let bin_of = |l: &f64| ascending.iter().position(|known| known == l).unwrap_or(0);
         Ok(Surface {
             bsdf,
@@ -265,6 +262,33 @@ impl Specimen {
             bins: wavelengths.iter().map(bin_of).collect(),
             wavelengths: wavelengths.to_vec(),
         })
+    }
+
+    /// Binds the model to a grid.
+    pub(super) fn bind_on(&self, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, InspectionError> {
+        let model = sunglint_reflectance::BUILTIN.iter().find(|model| model.info.name == self.use_.name);
+        let Some(model) = model else {
+            return Err(InspectionError::Input(format!("no reflectance model is called `{}`", self.use_.name)));
+        };
+        (model.bind)(&self.use_.args, grid).map_err(|error| self.refused(&error))
+    }
+
+    /// Bands of the sensors that the experiment looks through.
+    pub(super) fn bands(&self) -> &[Band] {
+        &self.bands
+    }
+
+    /// Corners \[µm\] of the tables against wavelength that the model reads.
+    pub(super) fn corners(&self) -> Vec<Vec<f64>> {
+        let of_args = self.use_.args.iter().map(|(_, value)| match value {
+            Value::Spectrum(value) => corners(value),
+            Value::Table(table) => match &table.key {
+                TableKey::Wavelength(um) => um.clone(),
+                TableKey::None | TableKey::Band(_) => Vec::new(),
+            },
+            _ => Vec::new(),
+        });
+        of_args.chain(self.material.reflectance.iter().map(corners)).collect()
     }
 
     fn band_at(&self, wavelength: f64, names: &mut Vec<String>) -> Result<u16, InspectionError> {
@@ -315,6 +339,20 @@ impl Surface {
     /// The wavelengths \[µm\].
     pub fn wavelengths(&self) -> &[f64] {
         &self.wavelengths
+    }
+
+    pub(super) fn bsdf(&self) -> &dyn Bsdf {
+        &*self.bsdf
+    }
+
+    /// Number of grid entries.
+    pub(super) fn len(&self) -> usize {
+        self.n
+    }
+
+    /// The two grid entries of each wavelength.
+    pub(super) fn entries(&self) -> impl Iterator<Item = [usize; 2]> + '_ {
+        self.bins.iter().map(|bin| [2 * bin, 2 * bin + 1])
     }
 
     /// Whether part of the light leaves as from a mirror, where no finite BRDF tells it.
