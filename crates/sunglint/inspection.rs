@@ -13,7 +13,7 @@ pub use charts::{
     air_chart, albedo_chart, brdf_chart, brdf_map, compared_chart, component_chart, material_chart, spectrum_chart,
 };
 pub use database::{MaterialEntry, database, materials_of};
-pub use goniometry::{fit_chart, profile_chart, scan, split_chart};
+pub use goniometry::{fit_chart, model_fit_chart, profile_chart, scan, split_chart};
 pub use loss::{Compared, Loss, Side, WorstGeometry, compared};
 pub use specimen::{Specimen, Surface};
 

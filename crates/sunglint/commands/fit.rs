@@ -1,4 +1,4 @@
-//! `fit SCANS.csv`: a goniometer's scans split into R_d and R_s.
+//! `fit SCANS.csv`: a goniometer's scans split into R_d and R_s, or fitted by a model.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -9,14 +9,16 @@ use serde_json::{Value, json};
 use sunglint::inspection::fit_chart;
 use sunglint::radiometry::Dimension;
 use sunglint::reflectance::{
-    BandSplit, Excess, Grazing, Interpolation, Noise, Place, Report, ScanBand, ScanFaults, Scans, SpecularColumn,
-    SplitFit, SplitOptions, fit_split,
+    BandSplit, Excess, FitOptions, Grazing, Interpolation, Noise, Place, Report, ScanBand, ScanFaults, Scans,
+    SpecularColumn, SplitFit, SplitOptions, fit_split,
 };
 use sunglint::write_whole;
 
-use super::{Failure, Outcome, note, parse_plot, parse_quantity, print, print_json, read_text, write_pictures};
+use super::{
+    Failure, Outcome, fit_model, note, parse_plot, parse_quantity, print, print_json, read_text, write_pictures,
+};
 
-/// Goniometer scans split into the components R_d and R_s that the model `split` takes
+/// Goniometer scans into the components R_d and R_s that the model `split` takes, or into a model's parameters
 #[derive(Args)]
 #[command(after_help = "\
 SCANS.csv has the columns illumination_zenith_deg, view_zenith_deg (negative on the mirror's side: light at i is mirrored to
@@ -32,7 +34,14 @@ Exit code 2 where the components return more than they get: no table is written.
 Examples:
   sunglint fit shed.csv -o shed.split.csv --plot shed.svg
   sunglint fit panel.csv --solid-angle \"1.9 msr\" --interpolation pchip --grazing hold
-  sunglint fit shed.csv --specular reflectance -o shed.split.csv --json")]
+  sunglint fit shed.csv --specular reflectance -o shed.split.csv --json
+  sunglint fit panel.csv --model ward --plot ward.svg -o residuals.csv
+  sunglint fit panel.csv --model ggx --fix n=1.49
+  sunglint fit panel.csv --compare=phong,ward,ggx,oren_nayar
+
+With --model the parameters of phong, ward, ggx, cook_torrance, maxwell_beard and others come with standard errors, their
+correlations and the misfit at every reading (-o); the block for the scene is printed. --compare ranks models and marks
+those that no other beats in error, number of parameters and cost at once.")]
 pub struct Fit {
     /// The scans
     #[arg(value_name = "SCANS.csv")]
@@ -55,9 +64,29 @@ pub struct Fit {
     /// Draw scans and components, as .svg or .png
     #[arg(long, value_name = "FILE", value_parser = parse_plot)]
     plot: Option<PathBuf>,
+    /// Fit a model's parameters instead, by least squares
+    #[arg(long, value_name = "MODEL", conflicts_with_all = ["grazing", "interpolation", "specular"])]
+    model: Option<String>,
+    /// Fit several models and rank them by error, parameters and cost; without names all that can be fitted
+    #[arg(long, value_name = "MODELS", num_args = 0..=1, require_equals = true, default_missing_value = "",
+          conflicts_with_all = ["model", "grazing", "interpolation", "specular", "output", "plot"])]
+    compare: Option<String>,
+    /// Hold a parameter of the model at a value, in radians, micrometres or 1
+    #[arg(long, value_name = "NAME=VALUE", requires = "model", value_parser = parse_fixed)]
+    fix: Vec<(String, f64)>,
+    /// Let a parameter vary that is held otherwise
+    #[arg(long, value_name = "NAME", requires = "model")]
+    free: Vec<String>,
     /// As JSON
     #[arg(long)]
     json: bool,
+}
+
+fn parse_fixed(text: &str) -> Result<(String, f64), String> {
+    let wrong = || "write NAME=VALUE, for example k=0".to_string();
+    let (name, value) = text.split_once('=').ok_or_else(wrong)?;
+    let value: f64 = value.trim().parse().map_err(|_| wrong())?;
+    if value.is_finite() { Ok((name.trim().to_string(), value)) } else { Err(wrong()) }
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -87,6 +116,15 @@ enum Column {
 impl Fit {
     pub fn run(&self, quiet: bool) -> Outcome {
         let scans = self.read()?;
+        if let Some(model) = &self.model {
+            let options = FitOptions { fixed: self.fix.clone(), free: self.free.clone() };
+            let to =
+                fit_model::Output { table: self.output.as_deref(), plot: self.plot.as_deref(), json: self.json, quiet };
+            return fit_model::one(&self.scans, &scans, model, &options, &to);
+        }
+        if let Some(models) = &self.compare {
+            return fit_model::several(&self.scans, &scans, models, self.json);
+        }
         let options = SplitOptions {
             grazing: match self.grazing {
                 Rule::Fresnel => Grazing::Fresnel,

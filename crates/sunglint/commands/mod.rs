@@ -7,6 +7,7 @@ mod compare;
 mod completions;
 mod explain;
 mod fit;
+mod fit_model;
 mod fmt;
 mod goniometer;
 mod materials;

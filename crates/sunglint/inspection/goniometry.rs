@@ -1,7 +1,9 @@
 //! Materials on the virtual goniometer, and pictures of scans and of what they are split into.
 
 use sunglint_radiometry::{SpectralGrid, Wavelength};
-use sunglint_reflectance::{Goniometer, GoniometerBand, SAME_ANGLE, ScanBand, ScanFaults, Scans, SplitFit, Support};
+use sunglint_reflectance::{
+    Goniometer, GoniometerBand, ModelFit, Reading, SAME_ANGLE, ScanBand, ScanFaults, Scans, SplitFit, Support,
+};
 use sunglint_sensor::Band;
 
 use super::{InspectionError, Specimen};
@@ -142,6 +144,37 @@ pub fn split_chart(fit: &SplitFit, band: usize) -> Picture {
         square: false,
     }
     .picture()
+}
+
+/// Scans as marks and a fitted model as lines between its own values at finer angles, of many bands the first twelve.
+pub fn model_fit_chart(scans: &Scans, fit: &ModelFit) -> Picture {
+    let panel = |band: usize| {
+        let fitted = &fit.bands[band];
+        let mut series = Vec::new();
+        for (i, illumination) in scans.illuminations().iter().enumerate() {
+            let of: Vec<&Reading> = scans.of_band(band).iter().filter(|reading| reading.illumination == i).collect();
+            if of.is_empty() {
+                continue;
+            }
+            let marks = of.iter().map(|reading| (scans.views()[reading.view].to_degrees(), reading.brf)).collect();
+            let name = format!("θ_{{i}} = {}°", tidy(illumination.to_degrees()));
+            series.push(Series::new(name, marks, Style::Points).coloured(i));
+            let line = (-84..=84).map(|degree| {
+                let degree = f64::from(degree);
+                (degree, fitted.brf_at(*illumination, degree.to_radians()))
+            });
+            series.push(Series::new("", line.collect(), Style::Line).coloured(i));
+        }
+        Plot {
+            title: titled(&format!("Scans and fitted {}", fit.model), &fitted.band),
+            x: Axis::new("view zenith angle θ_{v}, forward < 0", "°").within(-90.0, 90.0),
+            y: value_axis("BRF", scans.of_band(band).iter().map(|reading| reading.brf)),
+            series,
+            square: false,
+        }
+        .picture()
+    };
+    Picture::grid((0..fit.bands.len().min(MOST_PANELS)).map(panel).collect(), 2)
 }
 
 /// Scans beside what they are split into, a row for each band, of many the first twelve.
