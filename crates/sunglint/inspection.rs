@@ -5,12 +5,16 @@ mod air;
 mod charts;
 mod database;
 mod goniometry;
+mod loss;
 mod specimen;
 
 pub use air::{Air, AirBand, AirPath, AirSpectrum, air, air_plan, air_plan_of, sky_picture};
-pub use charts::{air_chart, albedo_chart, brdf_chart, brdf_map, component_chart, material_chart, spectrum_chart};
+pub use charts::{
+    air_chart, albedo_chart, brdf_chart, brdf_map, compared_chart, component_chart, material_chart, spectrum_chart,
+};
 pub use database::{MaterialEntry, database, materials_of};
 pub use goniometry::{fit_chart, profile_chart, scan, split_chart};
+pub use loss::{Compared, Loss, Side, WorstGeometry, compared};
 pub use specimen::{Specimen, Surface};
 
 use sunglint_dsl::nearest;

@@ -361,8 +361,6 @@ fn one_fault_gives_one_message_with_its_code() {
         ("F02", "diffuse 0.18", "diffuse \"white.csv\" column nowhere"),
         // later versions
         ("L01", "material grey {", "experiment a { algorithm full }\nmaterial grey {"),
-        ("L01", "material grey {", "experiment a { reflectance rpv else ideal }\nmaterial grey {"),
-        ("L01", "ideal { diffuse 0.18 }", "rpv { rho0 0.1 }"),
         ("F01", "visibility 23 km", "radiosonde \"buf_12z.csv\""),
         ("L01", "material grey {", "periodic (0 0) (9 9) m\nmaterial grey {"),
         ("L01", "material grey {", "plugin \"foam\"\nmaterial grey {"),

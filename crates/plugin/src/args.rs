@@ -100,6 +100,19 @@ pub enum Value {
     File(FileArg),
     /// Labels and weights.
     Weights(Vec<(String, f64)>),
+    /// What the labels of weights stand for.
+    Mixture(Vec<Component>),
+}
+
+/// A model among several of one material, with its weight.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Component {
+    /// Share in the mixture.
+    pub weight: f64,
+    /// Name of the model.
+    pub model: String,
+    /// Its own arguments.
+    pub args: Args,
 }
 
 /// Arguments of one use of a model: what the scene gave, defaults for the rest.
@@ -138,6 +151,17 @@ impl Args {
     /// All values, by name.
     pub fn iter(&self) -> impl Iterator<Item = (&str, &Value)> {
         self.values.iter().map(|(name, value)| (name.as_str(), value))
+    }
+    /// All values, in place of a mixture those of its components.
+    pub fn flattened(&self) -> Vec<&Value> {
+        let mut all = Vec::new();
+        for value in self.values.values() {
+            match value {
+                Value::Mixture(components) => all.extend(components.iter().flat_map(|part| part.args.flattened())),
+                value => all.push(value),
+            }
+        }
+        all
     }
     /// A number.
     pub fn number(&self, name: &str) -> Option<f64> {
@@ -182,6 +206,13 @@ impl Args {
     pub fn count(&self, name: &str) -> Option<u64> {
         match self.get(name)? {
             Value::Count(count) => Some(*count),
+            _ => None,
+        }
+    }
+    /// The components of a mixture.
+    pub fn mixture(&self, name: &str) -> Option<&[Component]> {
+        match self.get(name)? {
+            Value::Mixture(components) => Some(components),
             _ => None,
         }
     }

@@ -5,6 +5,6 @@ mod args;
 mod model;
 mod param;
 
-pub use args::{Args, BandMissing, FileArg, SpectralValue, Table, TableKey, Value};
+pub use args::{Args, BandMissing, Component, FileArg, SpectralValue, Table, TableKey, Value};
 pub use model::{BindError, Catalog, Model, ModelInfo, Role};
 pub use param::{Column, Default, Kind, Param};

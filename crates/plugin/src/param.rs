@@ -126,6 +126,10 @@ impl Param {
     pub const fn file(name: &'static str, default: Default, help: &'static str) -> Self {
         Self::new(name, Kind::File, default, help)
     }
+    /// Weights of other models of the same material, by label; they reach `bind` as the components that they stand for.
+    pub const fn weights(name: &'static str, default: Default, help: &'static str) -> Self {
+        Self::new(name, Kind::Weights, default, help)
+    }
     /// With a range, in canonical units.
     #[must_use]
     pub const fn within(mut self, low: f64, high: f64) -> Self {

@@ -15,8 +15,9 @@
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt;
+use std::sync::Arc;
 
-use sunglint_radiometry::{Frame, LocalDir, WorldDir};
+use sunglint_radiometry::{Frame, LocalDir, SpectralGrid, WorldDir};
 
 use crate::sampling::cosine_hemisphere;
 use crate::{Bsdf, TopHat};
@@ -38,7 +39,7 @@ pub struct Options {
 
 impl Default for Options {
     fn default() -> Self {
-        let angles = [0.0_f64, 30.0, 60.0, 80.0].map(f64::to_radians).to_vec();
+        let angles = [0.0_f64, 20.0, 40.0, 60.0, 75.0, 85.0].map(f64::to_radians).to_vec();
         Self { angles, samples: 100_000, significance: 0.01, models: 1, seed: 1993 }
     }
 }
@@ -92,6 +93,9 @@ impl fmt::Display for Report {
 pub fn check(model: &dyn Bsdf, n_entries: usize, options: &Options) -> Report {
     let suite = Suite { model, n_entries, options };
     let mut findings = vec![suite.split(), suite.values(), suite.below()];
+    if model.separable().is_some() {
+        findings.push(suite.separable());
+    }
     if model.claims().reciprocal {
         findings.push(suite.reciprocity());
     }
@@ -100,6 +104,48 @@ pub fn check(model: &dyn Bsdf, n_entries: usize, options: &Options) -> Report {
     }
     findings.extend([suite.albedo(), suite.draws(), suite.chi_square()]);
     Report { findings }
+}
+
+/// That what a model answers at a wavelength does not depend on which others are asked for: bound to a grid it gives the
+/// same as bound to each bin alone.
+///
+/// # Errors
+/// Those of `bind`.
+pub fn spectral_consistency<E>(
+    grid: &SpectralGrid,
+    bind: impl Fn(&SpectralGrid) -> Result<Arc<dyn Bsdf>, E>,
+) -> Result<Finding, E> {
+    let mut worst = Worst::of("f and albedo at a wavelength do not depend on the others", 1e-12);
+    let together = bind(grid)?;
+    let mut random = Random(0x0b1d);
+    let directions: Vec<[LocalDir; 2]> = (0..50)
+        .map(|_| [(); 2].map(|()| cosine_hemisphere([random.next(), random.next()])))
+        .map(|[i, o]| [i, o])
+        .chain([20.0_f64, 70.0].map(|degree| {
+            let o = LocalDir::from_polar(degree.to_radians(), 0.4);
+            [o.mirrored(), o]
+        }))
+        .collect();
+    for (bin, edges) in grid.bins().iter().enumerate() {
+        let alone = bind(&SpectralGrid::from_edges(&[edges.lower, edges.upper]))?;
+        let mut all = vec![0.0; grid.len()];
+        let mut own = [0.0; 2];
+        let mut compare = |all: &[f64], own: &[f64], at: String| {
+            for (a, b) in all[2 * bin..2 * bin + 2].iter().zip(own) {
+                worst.see((a - b).abs() / a.abs().max(b.abs()).max(1e-12), || at.clone());
+            }
+        };
+        for [incident, outgoing] in &directions {
+            together.eval(*incident, *outgoing, &mut all);
+            alone.eval(*incident, *outgoing, &mut own);
+            compare(&all, &own, pair(*incident, *outgoing));
+        }
+        let incident = LocalDir::from_polar(0.8, 0.0);
+        together.albedo(incident, &mut all);
+        alone.albedo(incident, &mut own);
+        compare(&all, &own, angle(0.8));
+    }
+    Ok(worst.finding())
 }
 
 struct Suite<'a> {
@@ -132,6 +178,10 @@ impl Worst {
     }
 }
 
+fn below(d: LocalDir) -> LocalDir {
+    LocalDir::from_unit(d.vec() * glam::DVec3::new(1.0, 1.0, -1.0))
+}
+
 fn angle(theta: f64) -> String {
     format!("{:.2} deg", theta.to_degrees())
 }
@@ -157,6 +207,12 @@ impl Suite<'_> {
         let mut rho = vec![f64::NAN; self.n_entries];
         self.model.albedo(incident, &mut rho);
         rho
+    }
+
+    fn transmittance(&self, incident: LocalDir) -> Vec<f64> {
+        let mut tau = vec![f64::NAN; self.n_entries];
+        self.model.transmittance(incident, &mut tau);
+        tau
     }
 
     /// First and last entry: the integrals look at these.
@@ -222,10 +278,15 @@ impl Suite<'_> {
 
     fn below(&self) -> Finding {
         let mut worst = Worst::of("f, its density and the mirror are 0 below the surface", 0.0);
-        let below = |d: LocalDir| LocalDir::from_unit(d.vec() * glam::DVec3::new(1.0, 1.0, -1.0));
         for (incident, outgoing) in self.pairs() {
+            let above = |d: LocalDir| if d.cos() < 0.0 { below(d) } else { d };
+            let (incident, through) = (above(incident), self.model.lobes().transmission);
             for (i, o) in [(below(incident), outgoing), (incident, below(outgoing)), (below(incident), below(outgoing))]
             {
+                // What passes through comes from below, and is seen from above.
+                if through && i.cos() < 0.0 && o.cos() > 0.0 {
+                    continue;
+                }
                 worst.see(self.model.pdf(i, o).abs(), || pair(i, o));
                 self.f(i, o).into_iter().for_each(|f| worst.see(f.abs(), || pair(i, o)));
             }
@@ -235,11 +296,29 @@ impl Suite<'_> {
         worst.finding()
     }
 
+    /// Σ_j c_j s_j against f, relative to f.
+    fn separable(&self) -> Finding {
+        let mut worst = Worst::of("the separable form is f", 1e-9);
+        let Some(separable) = self.model.separable() else { return worst.finding() };
+        let coefficients = separable.coefficients();
+        let mut shapes = vec![0.0; coefficients.len()];
+        for (incident, outgoing) in self.pairs() {
+            separable.shapes(incident, outgoing, &mut shapes);
+            for (entry, f) in self.f(incident, outgoing).into_iter().enumerate() {
+                let sum: f64 = coefficients.iter().zip(&shapes).map(|(c, s)| c[entry] * s).sum();
+                worst.see((sum - f).abs() / f.abs().max(1e-12), || pair(incident, outgoing));
+            }
+        }
+        worst.finding()
+    }
+
     /// f(ω_i, ω_o) against f(ω_o, ω_i), relative to the larger.
     fn reciprocity(&self) -> Finding {
         let mut worst = Worst::of("f is reciprocal", 1e-6);
         for (incident, outgoing) in self.pairs() {
-            let (there, back) = (self.f(incident, outgoing), self.f(outgoing, incident));
+            // Light that passes through goes back through the other side.
+            let turned = if incident.cos() < 0.0 { [below(outgoing), below(incident)] } else { [outgoing, incident] };
+            let (there, back) = (self.f(incident, outgoing), self.f(turned[0], turned[1]));
             for (a, b) in there.into_iter().zip(back) {
                 worst.see((a - b).abs() / a.abs().max(b.abs()).max(1e-12), || pair(incident, outgoing));
             }
@@ -249,10 +328,12 @@ impl Suite<'_> {
 
     /// What light along one direction leaves with, and what a furnace of radiance 1 shows.
     fn energy(&self) -> [Finding; 2] {
-        let mut leaving = Worst::of("directional-hemispherical reflectance less 1", 1e-9);
+        let mut leaving = Worst::of("directional-hemispherical reflectance and transmittance less 1", 1e-9);
         for theta in self.all_angles() {
-            for rho in self.directional_hemispherical(LocalDir::from_polar(theta, 0.7)) {
-                leaving.see(rho - 1.0, || angle(theta));
+            let incident = LocalDir::from_polar(theta, 0.7);
+            let through = self.transmittance(incident);
+            for (rho, tau) in self.directional_hemispherical(incident).into_iter().zip(through) {
+                leaving.see(rho + tau - 1.0, || angle(theta));
             }
         }
         // The integral's own error.
@@ -260,7 +341,8 @@ impl Suite<'_> {
         for &theta in &self.options.angles {
             let outgoing = LocalDir::from_polar(theta, 0.7);
             for entry in self.entries() {
-                let shown = self.hemispherical(outgoing, |incident| self.f(incident, outgoing)[entry] * incident.cos());
+                let shown =
+                    self.integral(outgoing, |incident| self.f(incident, outgoing)[entry] * incident.cos().abs());
                 furnace.see(shown + self.mirror(outgoing)[entry] - 1.0, || angle(theta));
             }
         }
@@ -274,10 +356,16 @@ impl Suite<'_> {
             let incident = LocalDir::from_polar(theta, 0.7);
             let albedo = self.directional_hemispherical(incident);
             let mirror = self.mirror(incident);
+            let through = self.transmittance(below(incident));
             for entry in self.entries() {
                 let smooth =
-                    self.hemispherical(incident, |outgoing| self.f(incident, outgoing)[entry] * outgoing.cos());
+                    self.integral(incident, |outgoing| self.f(incident, outgoing)[entry] * outgoing.cos().max(0.0));
                 worst.see((smooth + mirror[entry] - albedo[entry]).abs(), || angle(theta));
+                if self.model.lobes().transmission {
+                    let from_below = |outgoing| self.f(below(incident), outgoing)[entry] * outgoing.cos().max(0.0);
+                    let passed = self.integral(incident, from_below);
+                    worst.see((passed - through[entry]).abs(), || format!("{}, through", angle(theta)));
+                }
             }
         }
         worst.finding()
@@ -294,11 +382,14 @@ impl Suite<'_> {
                 let Some(sample) = self.model.sample(outgoing, u) else { continue };
                 let incident = sample.incident;
                 worst.see((incident.vec().length() - 1.0).abs(), || pair(incident, outgoing));
-                worst.see(-incident.cos(), || pair(incident, outgoing));
+                let upwards = if self.model.lobes().transmission { incident.cos().abs() } else { incident.cos() };
+                worst.see(-upwards, || pair(incident, outgoing));
                 if sample.mirror {
                     let off = (incident.vec() - outgoing.mirrored().vec()).length();
                     let chance = (-sample.pdf).max(sample.pdf - 1.0);
                     worst.see(off.max(chance), || pair(incident, outgoing));
+                    let stated = self.model.mirror_probability(outgoing);
+                    worst.see((sample.pdf / stated - 1.0).abs(), || pair(incident, outgoing));
                 } else {
                     let density = self.model.pdf(incident, outgoing);
                     worst.see((sample.pdf / density - 1.0).abs(), || pair(incident, outgoing));
@@ -346,8 +437,9 @@ impl Suite<'_> {
         worst.finding()
     }
 
-    /// Integral over the directions above the surface of a function that peaks about the mirror direction of `seen`.
-    fn hemispherical(&self, seen: LocalDir, f: impl Fn(LocalDir) -> f64) -> f64 {
+    /// Integral over the directions above the surface, and below it where light passes through, of a function that peaks
+    /// about the mirror direction of `seen`.
+    fn integral(&self, seen: LocalDir, f: impl Fn(LocalDir) -> f64) -> f64 {
         self.cells(seen).iter().map(|cell| cell.integral(&f)).sum()
     }
 
@@ -362,10 +454,11 @@ impl Suite<'_> {
         }
         edges.sort_by(f64::total_cmp);
         edges.dedup();
+        let whole = self.model.lobes().transmission;
         let sector = |k: usize| TAU * k as f64 / SECTORS as f64;
         (edges.windows(2))
             .flat_map(|ring| (0..SECTORS).map(move |k| (ring[0], ring[1], sector(k), sector(k + 1))))
-            .map(|(a0, a1, b0, b1)| Cell { axis, alpha: [a0, a1], beta: [b0, b1] })
+            .map(|(a0, a1, b0, b1)| Cell { axis, alpha: [a0, a1], beta: [b0, b1], whole })
             .collect()
     }
 }
@@ -390,6 +483,8 @@ struct Cell {
     axis: Frame,
     alpha: [f64; 2],
     beta: [f64; 2],
+    /// Below the surface too.
+    whole: bool,
 }
 
 impl Cell {
@@ -397,7 +492,7 @@ impl Cell {
         LocalDir::from_unit(self.axis.to_world(LocalDir::from_polar(alpha, beta)).vec())
     }
 
-    /// ∫ f dω over the part of the cell above the surface: four by four Gauss points, halved until that changes nothing.
+    /// ∫ f dω over the cell, its part above the surface where nothing passes through: four by four Gauss points, halved until that changes nothing.
     fn integral(&self, f: &impl Fn(LocalDir) -> f64) -> f64 {
         self.refined(f, self.gauss(f), 7)
     }
@@ -427,7 +522,7 @@ impl Cell {
             let alpha = point(self.alpha, x);
             for (y, v) in X.into_iter().zip(W) {
                 let direction = self.direction(alpha, point(self.beta, y));
-                if direction.cos() > 0.0 {
+                if self.whole || direction.cos() > 0.0 {
                     sum += w * v * alpha.sin() * f(direction);
                 }
             }

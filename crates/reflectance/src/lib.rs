@@ -4,15 +4,31 @@
 //! without the cosine: dL = f L_i cos θ_i dω_i.
 
 mod aperture;
+mod blinn_phong;
 mod category;
+mod composite;
 pub mod conformance;
+mod cook_torrance;
+mod facet_lobe;
 mod fresnel;
+mod ggx;
 mod goniometer;
 mod grazing;
+mod hapke;
+mod he_torrance;
 mod ideal;
 mod interpolation;
+mod leaf;
+mod maxwell_beard;
+mod measured;
+mod microfacet;
+mod mix;
+mod oren_nayar;
 mod phong;
 mod quadrature;
+mod ross_li;
+mod rough_conductor;
+mod rpv;
 mod sampling;
 mod scans;
 mod shipped;
@@ -21,11 +37,14 @@ mod split;
 mod split_fit;
 mod split_model;
 mod top_hat;
+mod torrance_sparrow;
+mod total_diffuse;
 mod two_component;
 mod view_table;
+mod ward;
 
 pub use category::Category;
-pub use fresnel::fresnel_dielectric;
+pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use goniometer::{Goniometer, GoniometerBand, ReadingNoise};
 pub use grazing::{Excess, Grazing};
 pub use interpolation::Interpolation;
@@ -41,7 +60,27 @@ use sunglint_plugin::Model;
 use sunglint_radiometry::LocalDir;
 
 /// The models of this build. Adding one: write the file, add the line, run the tests.
-pub const BUILTIN: &[Model<dyn Bsdf>] = &[ideal::MODEL, split_model::MODEL, phong::MODEL];
+pub const BUILTIN: &[Model<dyn Bsdf>] = &[
+    ideal::MODEL,
+    split_model::MODEL,
+    total_diffuse::MODEL,
+    phong::MODEL,
+    blinn_phong::MODEL,
+    torrance_sparrow::MODEL,
+    cook_torrance::MODEL,
+    he_torrance::MODEL,
+    maxwell_beard::MODEL,
+    ward::MODEL,
+    ggx::MODEL,
+    rough_conductor::MODEL,
+    oren_nayar::MODEL,
+    rpv::MODEL,
+    ross_li::MODEL,
+    hapke::MODEL,
+    measured::MODEL,
+    leaf::MODEL,
+    mix::MODEL,
+];
 
 /// Which lobes a model has, so that no ray is cast for a lobe that is absent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -76,6 +115,16 @@ pub struct Sample {
     pub pdf: f64,
 }
 
+/// The separable form f(ω_i, ω_o, λ) = Σ_j c_j(λ) s_j(ω_i, ω_o) of a model's smooth lobes: geometry is then shared by all
+/// wavelengths and times.
+pub trait Separable {
+    /// c_j(λ): one spectrum a term, one value a grid entry.
+    fn coefficients(&self) -> &[Vec<f64>];
+
+    /// Fills `shapes` with s_j(ω_i, ω_o), one value a term; c_j s_j is in sr⁻¹. 0 below the surface.
+    fn shapes(&self, incident: LocalDir, outgoing: LocalDir, shapes: &mut [f64]);
+}
+
 /// A surface scattering model, bound to one spectral grid: it answers for all grid entries at once into slices that
 /// the caller owns, and allocates nothing per hit.
 pub trait Bsdf: Send + Sync {
@@ -90,9 +139,14 @@ pub trait Bsdf: Send + Sync {
     /// The components R_d(θ_v), ρ_s(θ_v), Ω_s of the published algorithms, on nodes of view angle.
     fn split(&self) -> &Split;
 
-    /// Fills `f` with the BSDF \[sr⁻¹\] of the smooth lobes at each grid entry. No cosine factor; 0 where either
-    /// direction is below the surface.
+    /// Fills `f` with the BSDF \[sr⁻¹\] of the smooth lobes at each grid entry. No cosine factor. The viewer's side is up: f
+    /// is 0 where `outgoing` is below the surface, and where `incident` is, unless light passes through.
     fn eval(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]);
+
+    /// The separable form of what [`eval`](Self::eval) gives, where the model has one.
+    fn separable(&self) -> Option<&dyn Separable> {
+        None
+    }
 
     /// Fills `rho` with the reflectance of the Dirac lobe seen along `outgoing` at each grid entry.
     fn mirror(&self, outgoing: LocalDir, rho: &mut [f64]) {
@@ -104,10 +158,22 @@ pub trait Bsdf: Send + Sync {
     /// draw falls below the surface.
     fn sample(&self, outgoing: LocalDir, u: [f64; 3]) -> Option<Sample>;
 
+    /// Probability with which `sample` gives the mirror direction as such.
+    fn mirror_probability(&self, outgoing: LocalDir) -> f64 {
+        let _ = outgoing;
+        0.0
+    }
+
     /// Density of `sample` \[sr⁻¹\] over the smooth lobes.
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64;
 
     /// Fills `rho` with the directional-hemispherical reflectance for light along `incident` (equal to the
     /// hemispherical-directional one where the model is reciprocal), all lobes.
     fn albedo(&self, incident: LocalDir, rho: &mut [f64]);
+
+    /// Fills `tau` with the directional-hemispherical transmittance for light along `incident`, from either side.
+    fn transmittance(&self, incident: LocalDir, tau: &mut [f64]) {
+        let _ = incident;
+        tau.fill(0.0);
+    }
 }

@@ -20,3 +20,10 @@ pub(crate) fn cosine_lobe(axis: LocalDir, exponent: f64, u: [f64; 2]) -> LocalDi
     let local = LocalDir::from_unit(DVec3::new(sin_a * cos_b, sin_a * sin_b, cos_a));
     LocalDir::from_unit(Frame::about(axis.vec()).to_world(local).vec())
 }
+
+/// One of `n` equally likely alternatives, and what is left of the number that chose it.
+pub(crate) fn pick(n: usize, u: f64) -> (usize, f64) {
+    let scaled = u * n as f64;
+    let chosen = (scaled as usize).min(n.saturating_sub(1));
+    (chosen, (scaled - chosen as f64).clamp(0.0, 1.0 - f64::EPSILON))
+}

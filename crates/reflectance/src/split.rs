@@ -1,6 +1,10 @@
 //! The view-angle-dependent components R_d(θ_v), R_s(θ_v) of the split method [Stark1993, sec. 4.1.2].
 
-use sunglint_radiometry::{Reflectance, Spectrum};
+use std::f64::consts::PI;
+
+use sunglint_radiometry::{LocalDir, Reflectance, Spectrum};
+
+use crate::{SOLAR_DISK, TopHat};
 
 use crate::grazing::Peak;
 
@@ -38,6 +42,18 @@ impl AngularSpectra {
     /// Whether every value is 0.
     pub fn is_zero(&self) -> bool {
         self.spectra.iter().all(|spectrum| spectrum.iter().all(|value| *value == 0.0))
+    }
+
+    /// The sum with another on the same nodes.
+    ///
+    /// # Panics
+    /// Where the nodes differ.
+    pub(crate) fn plus(&self, other: &Self) -> Self {
+        assert!(self.theta == other.theta);
+        let sum = |(a, b): (&Spectrum<Reflectance>, &Spectrum<Reflectance>)| {
+            Spectrum::new(a.iter().zip(b.iter()).map(|(a, b)| a + b).collect())
+        };
+        Self { theta: self.theta.clone(), spectra: self.spectra.iter().zip(&other.spectra).map(sum).collect() }
     }
 
     /// Every value by its angle \[rad\] and grid entry.
@@ -101,6 +117,9 @@ impl AngularSpectra {
     }
 }
 
+/// Solid angles up to here are the sun's disk, with its two printed digits, and make a true mirror \[sr\].
+pub(crate) const MIRROR_LIMIT: f64 = 1.001 * SOLAR_DISK;
+
 /// What a model hands to the published algorithms.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Split {
@@ -120,6 +139,27 @@ impl Split {
     pub fn diffuse(diffuse: AngularSpectra, n_entries: usize) -> Self {
         let none = AngularSpectra::constant(vec![0.0; n_entries]);
         Self { diffuse, specular: none.clone(), printed: none, solid_angle: vec![0.0] }
+    }
+
+    /// Fills `f` with the BRDF \[sr⁻¹\] that the components stand for, R_d/π and a top hat of solid angle Ω_s about the
+    /// mirror direction; a lobe no wider than the sun's disk is a mirror and has none.
+    pub fn brdf(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) {
+        if incident.cos() <= 0.0 || outgoing.cos() <= 0.0 {
+            return f.fill(0.0);
+        }
+        // What does not depend on angle needs none.
+        let even = self.diffuse.angles().len() == 1 && self.specular.angles().len() == 1 && self.solid_angle[0] == 0.0;
+        let theta = if even { 0.0 } else { outgoing.theta() };
+        self.diffuse.fill(theta, f);
+        f.iter_mut().for_each(|f| *f /= PI);
+        let cone = TopHat::new(self.solid_angle_at(theta));
+        if self.solid_angle_at(theta) > MIRROR_LIMIT && cone.contains(incident, outgoing) {
+            let height = cone.height(theta);
+            for (node, weight) in self.specular.weights(theta) {
+                let rho_s = self.specular.spectrum(node);
+                f.iter_mut().zip(rho_s).for_each(|(f, rho_s)| *f += height * weight * rho_s);
+            }
+        }
     }
 
     /// The same shape with another total reflectance, one of 0..1 for each grid entry:

@@ -9,10 +9,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 use sunglint_radiometry::LocalDir;
 
 use crate::sampling::cosine_hemisphere;
-use crate::{Bsdf, Claims, Lobes, SOLAR_DISK, Sample, Split, TopHat};
-
-/// Solid angles up to here are the sun's disk, with its two printed digits, and make a true mirror \[sr\].
-const MIRROR_LIMIT: f64 = 1.001 * SOLAR_DISK;
+use crate::split::MIRROR_LIMIT;
+use crate::{Bsdf, Claims, Lobes, Sample, Split, TopHat};
 
 pub(crate) struct TwoComponent {
     split: Split,
@@ -75,19 +73,7 @@ impl Bsdf for TwoComponent {
     }
 
     fn eval(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) {
-        if incident.cos() <= 0.0 || outgoing.cos() <= 0.0 {
-            return f.fill(0.0);
-        }
-        let theta = outgoing.theta();
-        self.split.diffuse.fill(theta, f);
-        f.iter_mut().for_each(|f| *f /= PI);
-        if let Some(cone) = self.cone.filter(|cone| cone.contains(incident, outgoing)) {
-            let height = cone.height(theta);
-            for (node, weight) in self.split.specular.weights(theta) {
-                let rho_s = self.split.specular.spectrum(node);
-                f.iter_mut().zip(rho_s).for_each(|(f, rho_s)| *f += height * weight * rho_s);
-            }
-        }
+        self.split.brdf(incident, outgoing, f);
     }
 
     fn mirror(&self, outgoing: LocalDir, rho: &mut [f64]) {
@@ -109,6 +95,10 @@ impl Bsdf for TwoComponent {
             (false, _) => cosine_hemisphere([u[0], u[1]]),
         };
         (incident.cos() > 0.0).then(|| Sample { incident, mirror: false, pdf: self.pdf(incident, outgoing) })
+    }
+
+    fn mirror_probability(&self, outgoing: LocalDir) -> f64 {
+        if self.lobes.mirror && outgoing.cos() > 0.0 { self.specular_choice(outgoing.theta()) } else { 0.0 }
     }
 
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {

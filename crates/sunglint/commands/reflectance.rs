@@ -7,7 +7,8 @@ use std::process::ExitCode;
 use clap::Args;
 use serde_json::{Value, json};
 use sunglint::inspection::{
-    InspectionError, Specimen, albedo_chart, brdf_chart, brdf_map, component_chart, spectrum_chart, unknown_name,
+    Compared, InspectionError, Specimen, albedo_chart, brdf_chart, brdf_map, compared, compared_chart, component_chart,
+    spectrum_chart, unknown_name,
 };
 use sunglint::plot::Picture;
 use sunglint::plugin::Column;
@@ -39,7 +40,11 @@ Plots: components  R_d, rho_s and R_s as stated, against view angle
 Examples:
   sunglint reflectance examples/truth/truth.glint grey_18 --geometry angles.csv --wavelength 0.55,0.85 --json
   sunglint reflectance examples/truth/truth.glint shed_white --model phong --plot brdf=shed.svg --plot map=shed.png
-  sunglint reflectance --material asphalt_road_old --plot components=asphalt.svg")]
+  sunglint reflectance --material asphalt_road_old --plot components=asphalt.svg
+  sunglint reflectance --material aluminium_rough --compare split,full --plot brdf=loss.svg
+
+--compare holds two descriptions of the material against each other over all geometries: models by label or name, `full`
+(its model beyond `ideal` and `split`), or `split` (where it has no such model, the components of the other side's).")]
 pub struct Reflectance {
     /// The scene, and a material of it
     #[arg(
@@ -67,6 +72,9 @@ pub struct Reflectance {
     /// Wavelengths [um]
     #[arg(long, value_name = "UM", value_delimiter = ',', default_value = "0.55")]
     wavelength: Vec<f64>,
+    /// What the first loses against the second, for example split,full; the plot brdf then shows both
+    #[arg(long, value_name = "A,B", value_delimiter = ',', num_args = 1, conflicts_with_all = ["geometry", "csv"])]
+    compare: Vec<String>,
     /// As JSON
     #[arg(long)]
     json: bool,
@@ -120,6 +128,9 @@ impl Reflectance {
             }
             _ => return bad("give a scene and a material of it, or --material NAME"),
         };
+        if !self.compare.is_empty() {
+            return self.held_against(&specimen, &incident, quiet);
+        }
         let surface = specimen.bind(&self.wavelength)?;
         let mut pictures: Vec<(&Path, Picture)> = Vec::new();
         for (kind, path) in &self.plot {
@@ -158,6 +169,28 @@ impl Reflectance {
         Ok(ExitCode::SUCCESS)
     }
 
+    fn held_against(&self, specimen: &Specimen, incident: &[f64], quiet: bool) -> Outcome {
+        let [first, second] = &self.compare[..] else {
+            return Err(Failure::BadInput("--compare takes two names, for example split,full".into()));
+        };
+        let compared = compared(specimen, [first, second], &self.wavelength)?;
+        let mut pictures: Vec<(&Path, Picture)> = Vec::new();
+        for (kind, path) in &self.plot {
+            let picture = match *kind {
+                "brdf" => compared_chart(specimen.name(), &compared, incident),
+                _ => self.picture(kind, specimen, incident)?,
+            };
+            pictures.push((path, picture));
+        }
+        write_pictures(&pictures, quiet)?;
+        if self.json {
+            print_json(&compared_json(specimen.name(), &compared));
+        } else {
+            print(compared_text(specimen.name(), &compared));
+        }
+        Ok(ExitCode::SUCCESS)
+    }
+
     fn picture(&self, kind: &str, specimen: &Specimen, incident: &[f64]) -> Result<Picture, InspectionError> {
         let first = self.wavelength[0]; // a surface was bound to it
         match kind {
@@ -188,6 +221,75 @@ impl Reflectance {
         }
         print(text);
     }
+}
+
+/// View angles \[deg\] of a comparison's rows.
+const VIEWS: [f64; 9] = [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0];
+
+fn compared_text(material: &str, compared: &Compared) -> String {
+    let [first, second] = &compared.sides;
+    let mut text = format!("{material}: {} against {}\n", first.name, second.name);
+    for (i, (wavelength, loss)) in compared.wavelengths.iter().zip(&compared.losses).enumerate() {
+        let worst = loss.worst;
+        text += &format!(
+            "\n  at {wavelength} um, over all geometries (BRF, weighted by both projected solid angles)\n\
+             \x20   mean of the second {:.5}, bias {:+.5}, rms difference {:.5}\n\
+             \x20   furthest apart at incident {:.1}, view {:.1}, azimuth {:.0} deg: {:.5} against {:.5}\n",
+            loss.mean,
+            loss.bias,
+            loss.rms,
+            degrees(worst.incident),
+            degrees(worst.view),
+            degrees(worst.azimuth),
+            worst.first,
+            worst.second
+        );
+        text += "\n    view_deg   mirror direction, BRF      in a furnace            mirror lobe\n";
+        text += "                 first     second       first    second       first    second\n";
+        for degrees in VIEWS {
+            let view = degrees.to_radians();
+            let pair = |of: &dyn Fn(&sunglint::inspection::Side) -> Vec<f64>| [of(first)[i], of(second)[i]];
+            let [a, b] = pair(&|side| side.brf(view, view, PI));
+            let [c, d] = pair(&|side| side.furnace(view));
+            let [e, f] = pair(&|side| side.mirror(view));
+            text += &format!("    {degrees:>8}  {a:>9.4}  {b:>9.4}   {c:>9.5} {d:>9.5}   {e:>9.5} {f:>9.5}\n");
+        }
+    }
+    text
+}
+
+fn compared_json(material: &str, compared: &Compared) -> Value {
+    let [first, second] = &compared.sides;
+    let rows: Vec<Value> = (compared.wavelengths.iter().zip(&compared.losses).enumerate())
+        .map(|(i, (wavelength, loss))| {
+            let worst = loss.worst;
+            let views: Vec<Value> = (VIEWS.iter())
+                .map(|degrees| {
+                    let view = degrees.to_radians();
+                    json!({
+                        "view_zenith_deg": degrees,
+                        "mirror_direction_brf": [first.brf(view, view, PI)[i], second.brf(view, view, PI)[i]],
+                        "furnace_reflectance": [first.furnace(view)[i], second.furnace(view)[i]],
+                        "mirror_reflectance": [first.mirror(view)[i], second.mirror(view)[i]],
+                    })
+                })
+                .collect();
+            json!({
+                "wavelength_um": wavelength,
+                "mean_brf": loss.mean,
+                "bias_brf": loss.bias,
+                "rms_brf": loss.rms,
+                "worst": {
+                    "incident_zenith_deg": degrees(worst.incident),
+                    "view_zenith_deg": degrees(worst.view),
+                    "relative_azimuth_deg": degrees(worst.azimuth),
+                    "brf": [worst.first, worst.second],
+                },
+                "views": views,
+            })
+        })
+        .collect();
+    json!({"material": material, "first": first.name, "second": second.name, "rows": rows})
 }
 
 /// Light from 45° and views every 15° in its plane, from the light's side to the mirror's.

@@ -1,6 +1,6 @@
 //! Pictures of what the air does and of what surfaces return.
 
-use super::{Air, InspectionError, Specimen};
+use super::{Air, Compared, InspectionError, Specimen};
 use crate::plot::{Axis, ColourMap, Dome, DomeMark, Orientation, Picture, Plot, Polar, Projection, Series, Style};
 
 /// E_s, what of it reaches the level directly and diffusely, and what the paths add, against wavelength.
@@ -127,18 +127,14 @@ pub fn brdf_chart(specimen: &Specimen, wavelength: f64, incident: &[f64]) -> Res
     let series = (incident.iter())
         .map(|theta| {
             let degrees = theta.to_degrees();
-            // Narrow lobes are sampled at their peak and close about it.
-            let close = (-40..=40).map(f64::from).map(|i: f64| i.signum() * (i / 40.0).powi(2) * 8.0 + degrees);
-            let mut angles: Vec<f64> = (-178..=178).map(|i| 0.5 * f64::from(i)).chain(close).collect();
-            angles.retain(|angle| angle.abs() <= 89.0);
-            angles.sort_by(f64::total_cmp);
             let point = |angle: f64| {
                 let (view, turn) = if angle < 0.0 { (-angle, 0.0) } else { (angle, std::f64::consts::PI) };
                 (angle, surface.brdf(*theta, view.to_radians(), turn)[0])
             };
             Series::new(
                 format!("θ_{{i}} = {}°", trimmed(degrees)),
-                angles.into_iter().map(point).collect(),
+                // Narrow lobes are sampled at their peak and close about it.
+                plane_angles(degrees).map(point).collect(),
                 Style::Line,
             )
         })
@@ -152,6 +148,57 @@ pub fn brdf_chart(specimen: &Specimen, wavelength: f64, incident: &[f64]) -> Res
         arrows: incident.iter().filter(|_| incident.len() == 1).map(|t| (-t.to_degrees(), "light".into())).collect(),
     }
     .picture())
+}
+
+/// Two descriptions of a material in the principal plane at its first wavelength, for light from several zenith angles
+/// \[rad\]; values below a thousandth of the greatest are drawn there.
+pub fn compared_chart(material: &str, compared: &Compared, incident: &[f64]) -> Picture {
+    let mut series = Vec::new();
+    for (k, theta) in incident.iter().enumerate() {
+        for (side, style) in compared.sides.iter().zip([Style::Dashed, Style::Line]) {
+            let point = |angle: f64| {
+                let (view, turn) = if angle < 0.0 { (-angle, 0.0) } else { (angle, std::f64::consts::PI) };
+                (angle, side.brf(*theta, view.to_radians(), turn)[0])
+            };
+            let name = format!("{}, θ_{{i}} = {}°", side.name, trimmed(theta.to_degrees()));
+            series.push(Series::new(name, plane_angles(theta.to_degrees()).map(point).collect(), style).coloured(k));
+        }
+    }
+    let most = series.iter().flat_map(|s| &s.points).map(|p| p.1).fold(0.0, f64::max);
+    let y = Axis::new("BRF π f", "1");
+    // Lobes stand orders above what they stand on.
+    let least = series.iter().flat_map(|s| &s.points).map(|p| p.1).filter(|v| *v > 0.0).fold(f64::INFINITY, f64::min);
+    let y = if most > 30.0 * least {
+        y.within(least.max(1e-3 * most), most).log()
+    } else {
+        y.within(0.0, 1.1 * most.max(1e-9))
+    };
+    let floor = least.max(1e-3 * most);
+    if most > 30.0 * least {
+        series.iter_mut().flat_map(|s| &mut s.points).for_each(|p| p.1 = p.1.max(floor));
+    }
+    Plot {
+        title: format!(
+            "{} and {} of {material}, principal plane, {}",
+            compared.sides[0].name,
+            compared.sides[1].name,
+            at(compared.wavelengths[0])
+        ),
+        x: Axis::new("view angle, forward > 0", "°").within(-90.0, 90.0),
+        y,
+        series,
+        square: false,
+    }
+    .picture()
+}
+
+/// View angles of a plane \[deg\], forward > 0, closer about the mirror direction of light at `degrees`.
+fn plane_angles(degrees: f64) -> impl Iterator<Item = f64> {
+    let close = (-40..=40).map(f64::from).map(move |i: f64| i.signum() * (i / 40.0).powi(2) * 8.0 + degrees);
+    let mut angles: Vec<f64> = (-178..=178).map(|i| 0.5 * f64::from(i)).chain(close).collect();
+    angles.retain(|angle| angle.abs() <= 89.0);
+    angles.sort_by(f64::total_cmp);
+    angles.into_iter()
 }
 
 fn trimmed(degrees: f64) -> String {
@@ -172,6 +219,8 @@ pub fn brdf_map(specimen: &Specimen, wavelength: f64, incident: f64) -> Result<P
     let values =
         || samples().map(|(z, a)| field(z.to_radians(), a.to_radians())).chain([field(incident, std::f64::consts::PI)]);
     let (least, most) = values().fold((f64::INFINITY, 0.0f64), |(a, b), v| (a.min(v), b.max(v)));
+    // Beside a narrow lobe there is next to nothing.
+    let least = least.max(1e-4 * most);
     let value = match () {
         () if least > 0.0 && most > 30.0 * least => axis.within(least, most).log(),
         // An even surface has one colour, not the noise of rounding.

@@ -144,7 +144,7 @@ fn fill(entry: &mut MaterialEntry, scene: &sunglint_dsl::Scene, sources: &Source
     texts(entry, said);
     let Some(material) = scene.materials.iter().find(|known| known.name == entry.name) else { return };
     entry.title = material.title.clone().or(entry.title.take());
-    entry.models = (material.models.iter())
+    entry.models = (material.models.iter().filter(|use_| use_.span.is_some()))
         .map(|use_| use_.label.as_ref().map_or(use_.name.clone(), |label| format!("{} {label}", use_.name)))
         .collect();
     if let Ok(specimen) = Specimen::choose(scene, sources.clone(), &entry.name, None, None) {

@@ -108,6 +108,28 @@ impl Specimen {
         Ok(Self { material: material.clone(), use_: use_.clone(), bands, sources })
     }
 
+    /// The same material with the model of a label or name.
+    ///
+    /// # Errors
+    /// A model that it does not have, with those it has.
+    pub fn with_model(&self, wanted: &str) -> Result<Self, InspectionError> {
+        let labelled = self.material.models.iter().find(|use_| use_.label.as_deref() == Some(wanted));
+        let found = labelled.or_else(|| self.material.models.iter().find(|use_| use_.name == wanted));
+        let Some(use_) = found else {
+            let names: Vec<&str> = self.material.models.iter().map(shown).collect();
+            let what = format!("model of {} called", self.name());
+            return Err(InspectionError::Input(unknown_name(&what, wanted, &names)));
+        };
+        let (material, bands, sources) = (self.material.clone(), self.bands.clone(), self.sources.clone());
+        Ok(Self { material, use_: use_.clone(), bands, sources })
+    }
+
+    /// Labels, else names, of the models that the material is said to have, each with its model's name.
+    pub fn models(&self) -> Vec<(&str, &str)> {
+        let said = self.material.models.iter().filter(|use_| use_.span.is_some());
+        said.map(|use_| (shown(use_), use_.name.as_str())).collect()
+    }
+
     /// Name of the material.
     pub fn name(&self) -> &str {
         &self.material.name
@@ -140,7 +162,7 @@ impl Specimen {
             }
         };
         self.material.reflectance.iter().for_each(&mut of);
-        for (_, value) in self.use_.args.iter() {
+        for value in self.use_.args.flattened() {
             if let Value::Spectrum(value) = value {
                 of(value);
             }
@@ -196,7 +218,7 @@ impl Specimen {
 
     pub(super) fn is_per_band(&self) -> bool {
         let per_band = |value: &SpectralValue| matches!(value, SpectralValue::PerBand(_));
-        self.use_.args.iter().any(|(_, value)| match value {
+        self.use_.args.flattened().into_iter().any(|value| match value {
             Value::Spectrum(value) => per_band(value),
             Value::Table(table) => matches!(table.key, TableKey::Band(_)),
             _ => false,
@@ -301,6 +323,10 @@ impl Specimen {
     }
 }
 
+fn shown(use_: &ModelUse) -> &str {
+    use_.label.as_deref().unwrap_or(&use_.name)
+}
+
 /// A model bound to wavelengths: every answer has one value for each.
 pub struct Surface {
     bsdf: Arc<dyn Bsdf>,
@@ -334,12 +360,29 @@ impl Surface {
         self.bsdf.lobes().mirror
     }
 
+    /// Whether it answers the same with light and view exchanged.
+    pub fn is_reciprocal(&self) -> bool {
+        self.bsdf.claims().reciprocal
+    }
+
     /// BRDF \[sr⁻¹\] of all but the mirror lobe, without the cosine; zenith angles and relative azimuth \[rad\], 0 on the
     /// source's side.
     pub fn brdf(&self, incident_zenith: f64, view_zenith: f64, relative_azimuth: f64) -> Vec<f64> {
         let incident = LocalDir::from_polar(incident_zenith, 0.0);
         let outgoing = LocalDir::from_polar(view_zenith, relative_azimuth);
         self.ask(|f| self.bsdf.eval(incident, outgoing, f))
+    }
+
+    /// BRDF \[sr⁻¹\] that its components R_d and ρ_s stand for; angles as of [`brdf`](Self::brdf).
+    pub fn split_brdf(&self, incident_zenith: f64, view_zenith: f64, relative_azimuth: f64) -> Vec<f64> {
+        let incident = LocalDir::from_polar(incident_zenith, 0.0);
+        let outgoing = LocalDir::from_polar(view_zenith, relative_azimuth);
+        self.ask(|f| self.bsdf.split().brdf(incident, outgoing, f))
+    }
+
+    /// Reflectance of the mirror lobe at a view angle \[rad\]; 0 without one.
+    pub fn mirror(&self, view_zenith: f64) -> Vec<f64> {
+        self.ask(|rho| self.bsdf.mirror(LocalDir::from_polar(view_zenith, 0.0), rho))
     }
 
     /// R_d at a view angle \[rad\].

@@ -28,8 +28,18 @@ impl Planner<'_, '_> {
                     _ => place,
                 };
                 let Some(place) = place else { continue };
-                let Value::Spectrum(value) = value else { continue };
-                self.cover_value(value, bands, place, name, "M04");
+                match value {
+                    Value::Spectrum(value) => self.cover_value(value, bands, place, name, "M04"),
+                    // Its parts' spectra are told of at the mixture.
+                    Value::Mixture(parts) => {
+                        for value in parts.iter().flat_map(|part| part.args.flattened()) {
+                            if let Value::Spectrum(value) = value {
+                                self.cover_value(value, bands, place, "a part of the mixture", "M04");
+                            }
+                        }
+                    }
+                    _ => {}
+                }
             }
         }
         for material in scene.materials.iter().filter(|material| material.used) {
@@ -80,8 +90,9 @@ impl Planner<'_, '_> {
 }
 
 pub(super) fn corners_of(args: &Args) -> Vec<Vec<f64>> {
-    args.iter()
-        .filter_map(|(_, value)| match value {
+    args.flattened()
+        .into_iter()
+        .filter_map(|value| match value {
             Value::Spectrum(value) => Some(grid::corners(value)),
             Value::Table(table) => match &table.key {
                 TableKey::Wavelength(wavelengths) => {
@@ -98,7 +109,7 @@ pub(super) fn corners_of(args: &Args) -> Vec<Vec<f64>> {
 }
 
 pub(super) fn is_per_band(args: &Args) -> bool {
-    args.iter().any(|(_, value)| match value {
+    args.flattened().into_iter().any(|value| match value {
         Value::Spectrum(SpectralValue::PerBand(_)) => true,
         Value::Table(table) => matches!(table.key, TableKey::Band(_)),
         _ => false,

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use sunglint_plugin::Role;
 use sunglint_radiometry::Dimension;
 
-use super::block::{Body, Braces, Line, Owner, Rule, later, rule};
+use super::block::{Body, Braces, Line, Owner, Rule, rule};
 use super::material::Identities;
 use super::names::Kind;
 use super::sweep::{Redefinition, Run};
@@ -14,7 +14,7 @@ use super::{Checker, Entity};
 use crate::ast::{Item, Value};
 use crate::nearest::list;
 use crate::scene::{Accuracy, Experiment, Material, ModelUse, Products, Sensor, Snapshot, Weather};
-use crate::{Diagnostic, Scene, Severity, Span};
+use crate::{Diagnostic, Scene, Span};
 
 /// The statements of an experiment's block.
 pub(super) const EXPERIMENT: &[Rule] = &[
@@ -387,10 +387,7 @@ impl<'a> Checker<'a> {
         if known.contains(&name.as_str()) {
             return Some(name.clone());
         }
-        if self.comes_later(Role::Reflectance, name) {
-            let have = list(self.catalog.of(Role::Reflectance).map(|info| info.name));
-            self.report(later(Severity::Error, given.span, name).help(format!("this version has {have}")));
-        } else if !self.excused(name) {
+        if !self.excused(name) {
             let near = self.near(name, known.iter().copied()).map(|near| format!("`{near}`?")).unwrap_or_default();
             let message = format!("`{name}` is no reflectance model, and no material has a model of that label");
             let fault = self.misfit(&given, "N02", message).label(near);

@@ -2,11 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use sunglint_plugin::{Role, Value as Arg};
+use sunglint_plugin::{Args, Component, ModelInfo, Role, Value as Arg};
 use sunglint_radiometry::Dimension;
 
 use super::block::{Body, Braces, Line, Owner, Rule, rule};
-use super::model::LATER;
 use super::names::Kind;
 use super::spectrum::SPECTRUM;
 use super::value::{Quantity, SHARE};
@@ -14,7 +13,7 @@ use super::{Checker, Entity};
 use crate::ast::{Item, Statement, Value};
 use crate::nearest::list;
 use crate::scene::{Material, ModelUse};
-use crate::{Diagnostic, Severity, Span};
+use crate::{Diagnostic, Span};
 
 pub(super) const MATERIAL: &[Rule] = &[
     rule("title", "title STRING"),
@@ -47,9 +46,7 @@ impl<'a> Checker<'a> {
     pub(super) fn material_rules(&self) -> Vec<Rule> {
         let model = |name| rule(name, "MODEL LABEL { … }").many().leading(1).braces(Braces::Optional);
         let known = self.catalog.of(Role::Reflectance).map(|info| model(info.name));
-        let coming = LATER.iter().filter(|(role, name)| *role == Role::Reflectance && self.comes_later(*role, name));
-        let coming = coming.map(|(_, name)| model(name).later(Severity::Error));
-        MATERIAL.iter().copied().chain(known).chain(coming).collect()
+        MATERIAL.iter().copied().chain(known).collect()
     }
 
     /// Codes in truth maps: given, or from 1000 up.
@@ -112,6 +109,42 @@ impl<'a> Checker<'a> {
         None
     }
 
+    /// Puts in place of labels what they stand for.
+    fn mix(&mut self, models: &mut [ModelUse]) {
+        let labels: Vec<String> =
+            models.iter().map(|model| model.label.clone().unwrap_or_else(|| model.name.clone())).collect();
+        let weights = |model: &ModelUse| {
+            model.args.iter().find_map(|(param, value)| match value {
+                Arg::Weights(weights) => Some((param.to_string(), weights.clone())),
+                _ => None,
+            })
+        };
+        // A mixture whose parts are all resolved is one itself; what is left over goes round in a circle.
+        while let Some((i, param, parts)) = models.iter().enumerate().find_map(|(i, model)| {
+            let (param, parts) = weights(model)?;
+            let places: Option<Vec<(usize, f64)>> = (parts.iter())
+                .map(|(label, weight)| Some((labels.iter().position(|known| known == label)?, *weight)))
+                .collect();
+            let places = places?;
+            places.iter().all(|(place, _)| weights(&models[*place]).is_none()).then_some((i, param, places))
+        }) {
+            let component = |(place, weight): &(usize, f64)| Component {
+                weight: *weight,
+                model: models[*place].name.clone(),
+                args: models[*place].args.clone(),
+            };
+            let components = parts.iter().map(component).collect();
+            models[i].args.set(&param, Arg::Mixture(components));
+        }
+        for model in models.iter() {
+            if let (Some((param, _)), Some(span)) = (weights(model), model.span) {
+                let place = model.param_spans.get(&param).copied().unwrap_or(span);
+                let fault = Diagnostic::error("M03", place, "this mixture is part of itself");
+                self.report(fault.label("weights of other models?"));
+            }
+        }
+    }
+
     /// A material; its files are opened only where it is used.
     pub(super) fn material(
         &mut self,
@@ -172,6 +205,23 @@ impl<'a> Checker<'a> {
                 }
             }
             models.push(model);
+        }
+        self.mix(&mut models);
+        // A model that asks for nothing but the total reflectance is every material's that has one.
+        if let Some(total) = &reflectance
+            && !identities.is_empty()
+        {
+            let unsaid = |info: &&ModelInfo| !identities.iter().any(|known| known == info.name);
+            let asks_nothing = |info: &&ModelInfo| info.params.is_empty();
+            let implied: Vec<ModelInfo> =
+                self.catalog.of(Role::Reflectance).filter(asks_nothing).filter(unsaid).copied().collect();
+            for info in &implied {
+                let mut args = Args::new(info, []);
+                args.set("reflectance", Arg::Spectrum(total.clone()));
+                let (name, param_spans) = (info.name.to_string(), BTreeMap::new());
+                models.push(ModelUse { name: name.clone(), label: None, args, span: None, param_spans });
+                identities.push(name);
+            }
         }
         let is_model = |key: &str| !MATERIAL.iter().any(|rule| rule.key == key);
         let whole = !body.obscure && !body.faulty.iter().any(|key| is_model(key)) && !self.spoilt(owner.extent);

@@ -14,23 +14,7 @@ use crate::scene::ModelUse;
 use crate::{Diagnostic, Severity, Span};
 
 /// Models that the language defines and a later version brings.
-pub(super) const LATER: &[(Role, &str)] = &[
-    (Role::Algorithm, "full"),
-    (Role::Algorithm, "radiosity"),
-    (Role::Reflectance, "torrance_sparrow"),
-    (Role::Reflectance, "blinn"),
-    (Role::Reflectance, "cook_torrance"),
-    (Role::Reflectance, "he_torrance"),
-    (Role::Reflectance, "maxwell_beard"),
-    (Role::Reflectance, "nefds"),
-    (Role::Reflectance, "ward"),
-    (Role::Reflectance, "ggx"),
-    (Role::Reflectance, "oren_nayar"),
-    (Role::Reflectance, "rpv"),
-    (Role::Reflectance, "ross_li"),
-    (Role::Reflectance, "hapke"),
-    (Role::Reflectance, "leaf"),
-];
+pub(super) const LATER: &[(Role, &str)] = &[(Role::Algorithm, "full"), (Role::Algorithm, "radiosity")];
 
 /// Approximations that algorithms may declare, each by one name.
 const APPROXIMATIONS: &[&str] = &[

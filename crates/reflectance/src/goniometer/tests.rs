@@ -26,7 +26,7 @@ fn fit(scans: &Scans) -> SplitFit {
 fn phong(diffuse: f64, specular: f64, exponent: f64) -> Arc<dyn Bsdf> {
     let model = BUILTIN.iter().find(|model| model.info.name == "phong").expect("a model");
     let constant = |name: &str, value| (name.to_string(), Value::Spectrum(SpectralValue::Constant(value)));
-    let exponent = ("exponent".to_string(), Value::Number(exponent));
+    let exponent = constant("exponent", exponent);
     let args = Args::new(&model.info, [constant("diffuse", diffuse), constant("specular", specular), exponent]);
     (model.bind)(&args, &SpectralGrid::from_edges(&[0.5, 0.6])).unwrap_or_else(|error| panic!("{error:?}"))
 }
