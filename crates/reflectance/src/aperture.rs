@@ -38,7 +38,7 @@ impl Aperture {
         Self { axis, half_angle: sin_a.asin(), projected: cone.projected(axis.theta()) }
     }
 
-    /// Adds to `brf` the conical reflectance factor for light along `incident`, per grid entry [Nicodemus1977, sec. IV.E]:
+    /// Adds to `brf` the reflectance factor (directional-conical) for light along `incident`, per grid entry [Nicodemus1977]:
     ///
     /// ```text
     /// BRF = π ∫_Ω f cos θ_o dω_o / ∫_Ω cos θ_o dω_o + π ρ/∫_Ω cos θ_o dω_o [the mirror direction is in Ω]

@@ -1,6 +1,6 @@
 //! A virtual goniometer: any surface scanned as the proposal plans it [Stark1993, sec. 4.1.3], read as an instrument reads.
 //!
-//! A reading is the biconical reflectance factor [Nicodemus1977, sec. IV.E] for a round source of even radiance and a round
+//! A reading is the biconical reflectance factor [Nicodemus1977] for a round source of even radiance and a round
 //! aperture,
 //!
 //! ```text

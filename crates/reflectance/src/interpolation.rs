@@ -46,7 +46,7 @@ impl Curve {
 }
 
 /// Slopes that keep the cubics monotone: weighted harmonic means of the two secants, 0 where they differ in sign
-/// [Fritsch1984, eq. 5]; at the ends the slope of the parabola through three nodes, cut to keep the first secant's sign
+/// [Fritsch1984]; at the ends the slope of the parabola through three nodes, cut to keep the first secant's sign
 /// and three times its size.
 fn slopes(x: &[f64], y: &[f64]) -> Vec<f64> {
     let n = x.len();

@@ -27,6 +27,8 @@ const NOISE: f64 = 5.0;
 const MOST_BANDS: usize = 10_000;
 const MOST_ILLUMINATIONS: usize = 1000;
 const MOST_VIEWS: usize = 10_000;
+/// Scans, each one band and one angle of illumination.
+const MOST_SCANS: usize = 200_000;
 /// Faults that are told of one file.
 const MOST_FAULTS: usize = 20;
 
@@ -237,6 +239,7 @@ impl Scans {
             ("bands", bands.len(), MOST_BANDS),
             ("angles of illumination", illuminations.len(), MOST_ILLUMINATIONS),
             ("view angles", views.len(), MOST_VIEWS),
+            ("pairs of band and illumination", bands.len().saturating_mul(illuminations.len()), MOST_SCANS),
         ] {
             if count > most {
                 faults.push(

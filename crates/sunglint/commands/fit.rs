@@ -251,7 +251,10 @@ fn to_text(scans: &Path, report: &Report, fit: &SplitFit) -> String {
         for node in &band.specular {
             let angle = degrees(node.theta);
             if let Some(below) = node.clamped {
-                text += &format!("  clamped: at {angle} deg the mirror's value is {:.3e} below R_d; R_s = 0\n", -below);
+                let noise = node.standard_error.filter(|error| *error > 0.0).map(|error| -below / error);
+                let of = noise.map_or(String::new(), |n| format!(" ({n:.1} standard errors)"));
+                let by = -below;
+                text += &format!("  clamped: at {angle} deg the mirror's value is {by:.3e} below R_d{of}; R_s = 0\n");
             }
             if !node.has_diffuse {
                 text +=

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::{ScanBand, Scans, same};
+use super::{ScanBand, Scans, index_of};
 use crate::view_table::degrees;
 
 /// Gaps that are told by their places.
@@ -89,20 +89,17 @@ impl Scans {
                 if self.specular_view(i).and_then(|view| self.at(band, i, view)).is_none() {
                     no_specular.push(place(band, i, -illumination, None));
                 }
-                if scan.len() == self.views.len() {
+                let retro = index_of(&self.views, *illumination);
+                let blocked = retro.is_some_and(|view| self.at(band, i, view).is_none());
+                let missing = self.views.len() - scan.len() - usize::from(blocked);
+                gaps.count += missing;
+                if missing == 0 || gaps.first.len() >= MOST_PLACES {
                     continue;
                 }
                 let mut present = scan.iter().map(|reading| reading.view).peekable();
-                for (v, view) in self.views.iter().enumerate() {
-                    let missing = present.next_if_eq(&v).is_none();
-                    if !missing || same(*view, *illumination) {
-                        continue;
-                    }
-                    gaps.count += 1;
-                    if gaps.first.len() < MOST_PLACES {
-                        gaps.first.push(place(band, i, *view, None));
-                    }
-                }
+                let absent = (0..self.views.len()).filter(|view| present.next_if_eq(view).is_none());
+                let told = absent.filter(|view| retro != Some(*view)).take(MOST_PLACES - gaps.first.len());
+                gaps.first.extend(told.map(|view| place(band, i, self.views[view], None)));
             }
         }
         Report {
