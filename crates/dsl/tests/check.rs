@@ -71,6 +71,8 @@ fn catalog() -> Catalog {
     add(Role::Reflectance, "ideal", IDEAL);
     add(Role::Reflectance, "split", SPLIT);
     add(Role::Reflectance, "phong", PHONG);
+    add(Role::Reflectance, "blend", const { &[Param::weights("weights", Default::Required, "labels and shares")] });
+    add(Role::Reflectance, "matt", &[]);
     add(Role::Aerosol, "rural", &[]);
     add(Role::Aerosol, "urban", &[]);
     add(Role::Aerosol, "dust", DUST);
@@ -354,6 +356,8 @@ fn one_fault_gives_one_message_with_its_code() {
         ("F01", "material grey {", "database \"stone\"\nmaterial empty\nmaterial grey {"),
         ("F01", "material grey {", "database \"stone\"\nmaterial coded\nmaterial grey {"),
         ("F01", "material grey {", "database \"nowhere\"\nmaterial grey {"),
+        ("M03", "ideal { diffuse 0.18 }", "blend { weights [blend 1] }"),
+        ("M03", "ideal { diffuse 0.18 }", "ideal { diffuse 0.18 }, blend { weights [shine 0.5] }"),
         ("X03", "material grey {", "experiment a { algorithm ideal { sky directional } }\nmaterial grey {"),
         ("X03", "material grey {", "experiment a { samples 64, time 60 s }\nmaterial grey {"),
         // files
@@ -510,6 +514,48 @@ fn experiments_choose_models_as_section_4_says() {
     assert_eq!((over.visibility, over.aod), (Some(5000.0), None));
     let Shape::Facets { polygons, .. } = &scene.world[2] else { panic!("{:?}", scene.world[2]) };
     assert_eq!(polygons.len(), 2);
+}
+
+/// Weights reach a model as the models that their labels stand for, mixtures of mixtures too, in any order.
+#[test]
+fn a_mixture_holds_the_models_of_its_labels() {
+    let text = EXAMPLE.to_string()
+        + "material both {\n  blend { weights [inner 0.5, ideal 0.25] }\n  ideal { diffuse 0.3 }\n\
+           blend inner { weights [ideal 1] }\n}\n\
+           facet both (0 0 1) (1 0 1) (1 1 1) m\n";
+    let scene = good(&text);
+    let model = &scene.materials.iter().find(|material| material.name == "both").unwrap().models[0];
+    let parts = model.args.mixture("weights").unwrap();
+    assert_eq!(
+        parts.iter().map(|part| (part.model.as_str(), part.weight)).collect::<Vec<_>>(),
+        [("blend", 0.5), ("ideal", 0.25)]
+    );
+    let inner = parts[0].args.mixture("weights").unwrap();
+    assert_eq!(
+        (inner[0].model.as_str(), inner[0].args.spectral("diffuse")),
+        ("ideal", Some(&SpectralValue::Constant(0.3)))
+    );
+}
+
+/// A model without parameters is every material's that states its reflectance, after its own; a model taken over by `like`
+/// beside a reflectance of the material's own is to be scaled.
+#[test]
+fn a_model_without_parameters_needs_not_be_said() {
+    let text = EXAMPLE.to_string()
+        + "material shining { reflectance 0.4, ideal }\n\
+           material dim like shining { reflectance 0.2 }\n\
+           facets shining [(0 0 1) (1 0 1) (1 1 1)] m\nfacets dim [(2 0 1) (3 0 1) (3 1 1)] m\n\
+           experiment crude { reflectance matt else ideal }\n";
+    let scene = good(&text);
+    let of = |name: &str| scene.materials.iter().position(|material| material.name == name).unwrap();
+    let chosen = |name: &str| {
+        let material = &scene.materials[of(name)];
+        material.models[scene.experiments[0].models[of(name)].unwrap()].clone()
+    };
+    assert_eq!((chosen("shining").name.as_str(), chosen("grey").name.as_str()), ("matt", "ideal"));
+    assert_eq!(chosen("dim").args.spectral("reflectance"), Some(&SpectralValue::Constant(0.2)));
+    let scaled = |name: &str| scene.materials[of(name)].models[0].args.switch("scaled");
+    assert_eq!((scaled("shining"), scaled("dim")), (None, Some(true)));
 }
 
 /// The arguments are those of the model, defaults filled; what an experiment says of the aerosol replaces all of it.

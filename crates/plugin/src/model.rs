@@ -96,7 +96,8 @@ impl From<BandMissing> for BindError {
 pub struct Model<T: ?Sized + 'static> {
     /// What it says of itself.
     pub info: ModelInfo,
-    /// Makes it. A material's total reflectance reaches `bind` as the argument `reflectance`.
+    /// Makes it. A material's total reflectance reaches `bind` as the argument `reflectance`; beside it the switch `scaled`
+    /// is on where the model is another material's, taken over by `like`, and the reflectance the material's own.
     pub bind: fn(&Args, &SpectralGrid) -> Result<Arc<T>, BindError>,
 }
 

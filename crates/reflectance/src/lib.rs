@@ -49,7 +49,9 @@ pub use fresnel::{fresnel_conductor, fresnel_dielectric};
 pub use goniometer::{Goniometer, GoniometerBand, ReadingNoise};
 pub use grazing::{Excess, Grazing};
 pub use interpolation::Interpolation;
-pub use model_fit::{BandModelFit, FitOptions, FittedParameter, ModelFit, ModelFitError, fit_model, fitted_models};
+pub use model_fit::{
+    BandModelFit, FitOptions, FittedParameter, ModelFit, ModelFitError, fit_model, fits_metals, fitted_models,
+};
 pub use scans::{Gaps, Measurement, Place, Reading, Report, SAME_ANGLE, ScanBand, ScanFault, ScanFaults, Scans};
 pub use shipped::{shipped, shipped_materials, shipped_names};
 pub use split::{AngularSpectra, Split};

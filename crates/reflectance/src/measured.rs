@@ -4,12 +4,13 @@ use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::Arc;
 
 use sunglint_plugin::{Args, BindError, Column, Default, Model, ModelInfo, Param, Table, TableKey};
-use sunglint_radiometry::{Curve, Dimension, LocalDir, SpectralGrid, relative_azimuth};
+use sunglint_radiometry::{Curve, Dimension, LocalDir, SpectralGrid, gauss_legendre, relative_azimuth};
 
 use crate::composite::{Composite, Energy, Nothing, Part};
 use crate::microfacet::{Half, normal, reflected, trowbridge_reitz};
+use crate::quadrature::Hemisphere;
 use crate::sampling::{cosine_hemisphere, pick};
-use crate::spectral::covered;
+use crate::spectral::{covered, reflectance_on};
 use crate::view_table::degrees;
 use crate::{AngularSpectra, Bsdf, Split};
 
@@ -66,6 +67,10 @@ fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
         }
     };
     let param = if args.table("table").is_some() { "table" } else { "in_plane" };
+    let mut scans = scans;
+    if let (Some(true), Some(total)) = (args.switch("scaled"), args.spectral("reflectance")) {
+        scale(&mut scans, &reflectance_on("reflectance", total, grid)?);
+    }
     let body = Measured::new(scans, grid.len());
     let lights = body.scans.incident_angles();
     let model = Composite::new(body, Nothing, grid.len(), false, Energy::Looked);
@@ -82,6 +87,28 @@ fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
         }
     }
     Ok(Arc::new(model))
+}
+
+/// Scales measured values so that 2 ∫ ρ(θ) cos θ sin θ dθ is `total` at each entry.
+fn scale(scans: &mut Scans, total: &[f64]) {
+    let n = total.len();
+    let mut mean = vec![0.0; n];
+    let rule = Hemisphere::coarse();
+    for (x, weight) in gauss_legendre(8) {
+        // Equal shares of cos² θ.
+        let incident = LocalDir::from_polar((0.5 + 0.5 * x).sqrt().acos(), 0.0);
+        rule.even(incident.theta(), |outgoing, projected| {
+            scans.rows(incident, outgoing, |row, share| {
+                let factor = 0.5 * weight * projected * share;
+                mean.iter_mut().zip(&scans.spectra[row]).for_each(|(mean, f)| *mean += factor * f);
+            });
+        });
+    }
+    for spectrum in &mut scans.spectra {
+        for ((f, mean), total) in spectrum.iter_mut().zip(&mean).zip(total) {
+            *f = if *mean > 0.0 { *f * total / mean } else { total / PI };
+        }
+    }
 }
 
 /// Nodes of one angle, ascending, each with what hangs on it.

@@ -134,6 +134,12 @@ pub fn fitted_models() -> impl Iterator<Item = &'static str> {
     FITS.iter().map(|(name, _)| *name)
 }
 
+/// Whether a model can be fitted as one of a metal: with k free.
+pub fn fits_metals(model: &str) -> bool {
+    let of_metal = |params: &[Free]| params.iter().any(|param| param.name == "k");
+    FITS.iter().any(|(name, params)| *name == model && of_metal(params))
+}
+
 /// Which parameters vary.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FitOptions {

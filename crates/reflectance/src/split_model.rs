@@ -61,7 +61,7 @@ fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
     }
     let split = match (args.table("table"), args.word("category")) {
         (Some(_), Some(_)) => return Err(BindError::of_block("S05", "`table` and `category` exclude each other")),
-        (Some(_), None) => measured(args, solid_angle, grid)?,
+        (Some(_), None) => scaled(measured(args, solid_angle, grid)?, args, grid)?,
         (None, Some(category)) => by_category(category, args, solid_angle, grid)?,
         (None, None) => {
             return Err(BindError::of_block("S05", "`split` needs a `table` or a `category`")
@@ -69,6 +69,13 @@ fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
         }
     };
     Ok(Arc::new(TwoComponent::new(split)))
+}
+
+/// A split taken over from another material, scaled to the material's own reflectance [Stark1993, sec. 4.3].
+fn scaled(split: Split, args: &Args, grid: &SpectralGrid) -> Result<Split, BindError> {
+    let (Some(true), Some(total)) = (args.switch("scaled"), args.spectral("reflectance")) else { return Ok(split) };
+    let total = reflectance_on("reflectance", total, grid)?;
+    Ok(split.scaled_to(&total).unwrap_or(split))
 }
 
 fn by_category(name: &str, args: &Args, solid_angle: f64, grid: &SpectralGrid) -> Result<Split, BindError> {

@@ -134,6 +134,40 @@ fn tables_per_band_and_per_wavelength_reach_their_entries() {
     }
 }
 
+/// A table that is another material's is scaled to the reflectance of the material that takes it over; its own stays.
+#[test]
+fn a_split_taken_over_is_scaled_to_the_reflectance() {
+    let given = |more: Vec<(String, Value)>| {
+        [vec![table("table", TableKey::None, &STARK), number("solid_angle", 1.9e-3)], more].concat()
+    };
+    let scaled = ("scaled".to_string(), Value::Switch(true));
+    let own = bind("split", given(vec![constant("reflectance", 0.3)])).unwrap();
+    let over = bind("split", given(vec![constant("reflectance", 0.3), scaled])).unwrap();
+    let total = |model: &dyn Bsdf| model.split().diffuse.hemispherical()[0] + model.split().specular.hemispherical()[0];
+    assert!((total(&*over) - 0.3).abs() < 1e-9 && total(&*own) < 0.15, "{} {}", total(&*over), total(&*own));
+    let at = |model: &dyn Bsdf, degree: f64| model.split().diffuse.at(degree.to_radians(), 0);
+    assert!((at(&*over, 8.0) / at(&*over, 60.0) - 0.112 / 0.104).abs() < 1e-9);
+    assert_eq!(at(&*own, 8.0), 0.112);
+
+    let rows: [&[f64]; 4] = [&[10.0, -40.0, 0.3], &[10.0, 40.0, 0.2], &[60.0, -60.0, 0.9], &[60.0, 40.0, 0.2]];
+    let in_plane = |rows: &[&[f64]]| {
+        let radians = |row: &&[f64]| vec![row[0].to_radians(), row[1].to_radians(), row[2]];
+        Value::Table(sunglint_plugin::Table { key: TableKey::None, rows: rows.iter().map(radians).collect() })
+    };
+    let scaled = ("scaled".to_string(), Value::Switch(true));
+    let given = vec![("in_plane".to_string(), in_plane(&rows)), constant("reflectance", 0.15), scaled];
+    let model = bind("measured", given).unwrap();
+    let mean: f64 = (0..90)
+        .map(|k| {
+            let theta = (f64::from(k) + 0.5).to_radians();
+            let mut rho = [0.0; 4];
+            model.albedo(LocalDir::from_polar(theta, 0.0), &mut rho);
+            2.0 * rho[0] * theta.sin() * theta.cos() * 1f64.to_radians()
+        })
+        .sum();
+    assert!((mean - 0.15).abs() < 1e-3, "{mean}");
+}
+
 #[test]
 fn faults_of_a_scene_are_named_with_their_code() {
     let fault = |name, given| bind(name, given).err().map(|error| (error.code, error.message));

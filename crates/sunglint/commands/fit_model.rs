@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use serde_json::{Value, json};
 use sunglint::inspection::{model_fit_chart, unknown_name};
 use sunglint::reflectance::{
-    BandModelFit, FitOptions, FittedParameter, ModelFit, ModelFitError, Scans, fit_model, fitted_models,
+    BandModelFit, FitOptions, FittedParameter, ModelFit, ModelFitError, Scans, fit_model, fits_metals, fitted_models,
 };
 use sunglint::write_whole;
 
@@ -64,22 +64,27 @@ pub fn several(path: &Path, scans: &Scans, models: &str, json: bool) -> Outcome 
     let mut ranked = Vec::new();
     let mut left_out = Vec::new();
     for name in &wanted {
-        match fit_model(scans, name, &FitOptions::default()) {
-            Ok(fit) => {
-                let cost = fit.evaluation_ns();
-                ranked.push((fit, cost));
+        // As a dielectric, and as a metal where the model has a k.
+        let metal = FitOptions { free: vec!["k".into()], ..FitOptions::default() };
+        let ways = [Some(FitOptions::default()), fits_metals(name).then_some(metal)];
+        for (options, of) in ways.iter().flatten().zip(["", " of metal"]) {
+            match fit_model(scans, name, options) {
+                Ok(fit) => {
+                    let cost = fit.evaluation_ns();
+                    ranked.push((format!("{name}{of}"), fit, cost));
+                }
+                Err(error) => left_out.push((format!("{name}{of}"), error.to_string())),
             }
-            Err(error) => left_out.push((name.to_string(), error.to_string())),
         }
     }
     if ranked.is_empty() {
         let lines: Vec<String> = left_out.iter().map(|(_, why)| format!("{}: {why}", path.display())).collect();
         return Err(Failure::BadInput(lines.join("\nerror: ")));
     }
-    ranked.sort_by(|a, b| a.0.weighted_rms().total_cmp(&b.0.weighted_rms()));
+    ranked.sort_by(|a, b| a.1.weighted_rms().total_cmp(&b.1.weighted_rms()));
     // Whether another is no worse in all three and better in one.
-    let beaten = |(fit, cost): &(ModelFit, f64)| {
-        ranked.iter().any(|(other, other_cost)| {
+    let beaten = |(_, fit, cost): &(String, ModelFit, f64)| {
+        ranked.iter().any(|(_, other, other_cost)| {
             let (a, b) = (fit.weighted_rms(), other.weighted_rms());
             let no_worse = b <= a && other.n_free <= fit.n_free && *other_cost <= 1.1 * cost;
             no_worse && (b < 0.99 * a || other.n_free < fit.n_free)
@@ -88,9 +93,9 @@ pub fn several(path: &Path, scans: &Scans, models: &str, json: bool) -> Outcome 
     if json {
         let rows: Vec<Value> = (ranked.iter())
             .map(|entry| {
-                let (fit, cost) = entry;
+                let (name, fit, cost) = entry;
                 json!({
-                    "model": fit.model,
+                    "model": name,
                     "weighted_rms": fit.weighted_rms(),
                     "rms_brf": fit.rms(),
                     "free_parameters": fit.n_free,
@@ -104,18 +109,18 @@ pub fn several(path: &Path, scans: &Scans, models: &str, json: bool) -> Outcome 
         print_json(&json!({"scans": path.to_string_lossy(), "models": rows, "left_out": left_out}));
         return Ok(ExitCode::SUCCESS);
     }
-    let unit = match ranked.first().and_then(|(fit, _)| fit.bands.first()).is_some_and(|band| band.errors_stated) {
+    let unit = match ranked.first().and_then(|(_, fit, _)| fit.bands.first()).is_some_and(|band| band.errors_stated) {
         true => "standard errors",
         false => "of the value",
     };
     let mut text = format!("{}\n  misfit is the root mean square of (model - BRF), in {unit}\n", path.display());
-    text += &format!("  {:18} {:>10} {:>10} {:>5} {:>9}\n", "model", "misfit", "rms BRF", "free", "ns/pair");
+    text += &format!("  {:26} {:>10} {:>10} {:>5} {:>9}\n", "model", "misfit", "rms BRF", "free", "ns/pair");
     for entry in &ranked {
-        let (fit, cost) = entry;
+        let (name, fit, cost) = entry;
         let mark = if beaten(entry) { "" } else { "  unbeaten" };
         text += &format!(
-            "  {:18} {:>10.4} {:>10.5} {:>5} {cost:>9.0}{mark}\n",
-            fit.model,
+            "  {:26} {:>10.4} {:>10.5} {:>5} {cost:>9.0}{mark}\n",
+            name,
             fit.weighted_rms(),
             fit.rms(),
             fit.n_free

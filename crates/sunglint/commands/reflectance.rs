@@ -37,14 +37,14 @@ Plots: components  R_d, rho_s and R_s as stated, against view angle
        albedo      directional-hemispherical reflectance against incident angle
        spectra     against wavelength, at view angles of 0 and 60 deg
 
+--compare holds two descriptions of the material against each other over all geometries: models by label or name, `full`
+(its model beyond `ideal` and `split`), or `split` (where it has no such model, the components of the other side's).
+
 Examples:
   sunglint reflectance examples/truth/truth.glint grey_18 --geometry angles.csv --wavelength 0.55,0.85 --json
   sunglint reflectance examples/truth/truth.glint shed_white --model phong --plot brdf=shed.svg --plot map=shed.png
   sunglint reflectance --material asphalt_road_old --plot components=asphalt.svg
-  sunglint reflectance --material aluminium_rough --compare split,full --plot brdf=loss.svg
-
---compare holds two descriptions of the material against each other over all geometries: models by label or name, `full`
-(its model beyond `ideal` and `split`), or `split` (where it has no such model, the components of the other side's).")]
+  sunglint reflectance --material aluminium_rough --compare split,full --plot brdf=loss.svg")]
 pub struct Reflectance {
     /// The scene, and a material of it
     #[arg(

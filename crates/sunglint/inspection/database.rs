@@ -148,7 +148,7 @@ fn fill(entry: &mut MaterialEntry, scene: &sunglint_dsl::Scene, sources: &Source
         .map(|use_| use_.label.as_ref().map_or(use_.name.clone(), |label| format!("{} {label}", use_.name)))
         .collect();
     if let Ok(specimen) = Specimen::choose(scene, sources.clone(), &entry.name, None, None) {
-        entry.range = specimen.range();
+        entry.range = specimen.whole_range();
     }
 }
 

@@ -150,19 +150,24 @@ impl Specimen {
 
     /// The wavelengths \[µm\] that all its spectra cover; `None` where none is tied to wavelength.
     pub fn range(&self) -> Option<(f64, f64)> {
+        self.covered([&self.use_])
+    }
+
+    /// The wavelengths \[µm\] that the spectra of all the models cover that the material is said to have.
+    pub(super) fn whole_range(&self) -> Option<(f64, f64)> {
+        self.covered(self.material.models.iter().filter(|use_| use_.span.is_some()))
+    }
+
+    fn covered<'u>(&self, uses: impl IntoIterator<Item = &'u ModelUse>) -> Option<(f64, f64)> {
         let mut range: Option<(f64, f64)> = None;
-        let mut meet = |low: f64, high: f64| {
-            let (a, b) = range.unwrap_or((0.0, f64::INFINITY));
-            range = Some((a.max(low), b.min(high)));
-        };
         let mut of = |value: &SpectralValue| {
             if let SpectralValue::Curve(curve) = value {
-                let (low, high) = curve.domain();
-                meet(low, high);
+                let ((low, high), (a, b)) = (curve.domain(), range.unwrap_or((0.0, f64::INFINITY)));
+                range = Some((a.max(low), b.min(high)));
             }
         };
         self.material.reflectance.iter().for_each(&mut of);
-        for value in self.use_.args.flattened() {
+        for value in uses.into_iter().flat_map(|use_| use_.args.flattened()) {
             if let Value::Spectrum(value) = value {
                 of(value);
             }

@@ -200,8 +200,12 @@ impl<'a> Checker<'a> {
                 && !model.param_spans.contains_key("reflectance")
             {
                 model.args.set("reflectance", Arg::Spectrum(total.clone()));
-                if let Some(line) = body.get("reflectance") {
-                    model.param_spans.insert("reflectance".to_string(), line.value_span());
+                if let Some(stated) = body.get("reflectance") {
+                    model.param_spans.insert("reflectance".to_string(), stated.value_span());
+                    // Another material's model beside a reflectance of its own.
+                    if line.inherited && !stated.inherited {
+                        model.args.set("scaled", Arg::Switch(true));
+                    }
                 }
             }
             models.push(model);
