@@ -71,7 +71,7 @@ fn albedo(m: f64, theta: f64) -> f64 {
     // Up to `whole` every azimuth of h sends light up, from `none` on no azimuth does.
     let (whole, none) = (0.5 * (FRAC_PI_2 - theta), 0.5 * (FRAC_PI_2 + theta));
     let (whole, none) = (whole.clamp(0.0, reach), none.min(reach));
-    (peak(m) * (tanh_sinh(0.0, whole, inner) + tanh_sinh(whole, none, inner))).min(1.0)
+    peak(m) * (tanh_sinh(0.0, whole, inner) + tanh_sinh(whole, none, inner))
 }
 
 impl Lobe {

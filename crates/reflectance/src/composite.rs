@@ -10,6 +10,9 @@ use crate::quadrature::Hemisphere;
 use crate::sampling::cosine_hemisphere;
 use crate::{AngularSpectra, Bsdf, Claims, Lobes, Sample, Separable, Split};
 
+/// What the coarse rule may err by.
+const QUADRATURE: f64 = 1e-4;
+
 /// Most terms of a separable part.
 const MOST_TERMS: usize = 4;
 
@@ -231,9 +234,13 @@ impl<B: Part, G: Gloss> Composite<B, G> {
             solid_angle.push(if rho_s < TAU * full { rho_s / full } else { TAU });
             printed.push(peak.iter().map(|f| PI * f).collect::<Vec<f64>>());
             if self.lobes.mirror {
+                let glossy = mean(&specular[node]);
                 self.gloss.add_mirror(*t, &mut specular[node]);
-                printed[node].clone_from(&specular[node]);
-                solid_angle[node] = 0.0;
+                // One lobe stands for both: that of the stronger.
+                if mean(&specular[node]) > 2.0 * glossy {
+                    printed[node].clone_from(&specular[node]);
+                    solid_angle[node] = 0.0;
+                }
             }
             // The published algorithms get no more than the light that came.
             for (r_d, rho_s) in diffuse[node].iter_mut().zip(&mut specular[node]) {
@@ -421,7 +428,7 @@ impl<B: Part, G: Gloss> Bsdf for Composite<B, G> {
                         }
                     }
                     highest
-                }) <= 1.0
+                }) <= 1.0 + QUADRATURE
             }
         };
         Claims { reciprocal: self.reciprocal, conserves_energy }

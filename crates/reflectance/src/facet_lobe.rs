@@ -6,7 +6,7 @@ use std::f64::consts::FRAC_PI_2;
 use sunglint_radiometry::LocalDir;
 
 use crate::AngularSpectra;
-use crate::composite::{Gloss, Part, Way, add_terms, gloss_reflectance, nodes};
+use crate::composite::{Gloss, Part, Way, add_terms, gloss_reflectance};
 use crate::fresnel::Interface;
 use crate::microfacet::{Facets, Half, Shadowing, normal, reflected, v_groove};
 use crate::quadrature::{Hemisphere, tanh_sinh};
@@ -81,10 +81,13 @@ impl FacetLobe {
         self.distribution(m, norm, half) * g / (4.0 * incident.cos() * outgoing.cos())
     }
 
-    /// Directional-hemispherical reflectance on the nodes of a split.
+    /// Directional-hemispherical reflectance, on nodes that gather geometrically towards the horizon: there it changes over
+    /// angles in proportion to the roughness.
     pub fn reflectance(&self, n: usize) -> AngularSpectra {
-        let rule = Hemisphere::coarse();
-        let angles = nodes();
+        let rule = Hemisphere::medium();
+        let steps = (0..=32).map(|i| 2.0 * f64::from(i));
+        let elevations = (0..).map(|k| 25.0 * 0.9_f64.powi(k)).take_while(|elevation| *elevation > 0.02);
+        let angles: Vec<f64> = steps.chain(elevations.map(|elevation| 90.0 - elevation)).map(f64::to_radians).collect();
         let spectra = (angles.iter())
             .map(|theta| {
                 let mut rho = gloss_reflectance(self, n, Way::Leaving, *theta, &rule);
@@ -218,11 +221,15 @@ pub(crate) struct Leftover {
 }
 
 impl Leftover {
-    /// From c and E; where E_avg is 1 nothing is left.
+    /// From c and E; where E_avg is 1 nothing is left. E is taken for 5e-4 more than its table has, so that straight lines
+    /// between nodes never return more than came, and rises to 1 along the horizon.
     pub fn new(share: Vec<f64>, taken: &AngularSpectra) -> Self {
-        let angles = taken.angles().to_vec();
-        let rest = |node| taken.spectrum(node).iter().map(|e| (1.0 - e).max(0.0)).collect();
-        let left = AngularSpectra::new(angles.clone(), (0..angles.len()).map(rest).collect());
+        let mut angles = taken.angles().to_vec();
+        let rest = |node| taken.spectrum(node).iter().map(|e| (1.0 - 1.0005 * e).max(0.0)).collect();
+        let mut left: Vec<Vec<f64>> = (0..angles.len()).map(rest).collect();
+        angles.push(FRAC_PI_2);
+        left.push(vec![0.0; share.len()]);
+        let left = AngularSpectra::new(angles, left);
         let mean = left.hemispherical().into_iter().map(|mean| mean.max(1e-12)).collect();
         Self { share, left, mean }
     }
@@ -230,7 +237,7 @@ impl Leftover {
     /// Its reflectance on the nodes of E.
     pub fn reflectance(&self) -> AngularSpectra {
         let of = |node| self.left.spectrum(node).iter().zip(&self.share).map(|(left, c)| c * left).collect();
-        let angles = self.left.angles().to_vec();
+        let angles = self.left.angles()[..self.left.angles().len() - 1].to_vec();
         let spectra = (0..angles.len()).map(of).collect();
         AngularSpectra::new(angles, spectra)
     }

@@ -24,7 +24,7 @@ pub fn fresnel_dielectric(n: f64, cos_theta: f64) -> f64 {
 }
 
 /// Unpolarised reflectance of a smooth interface to a medium of relative refractive index n + ik, at cosine `cos_theta` to
-/// its normal; k ≥ 0, and with k = 0 that of a dielectric [BornWolf1999, sec. 14.2]:
+/// its normal; k ≥ 0, and with k = 0 that of a dielectric [Born1999, sec. 14.2]:
 ///
 /// ```text
 /// 2a² = √((n² − k² − s²)² + 4n²k²) + n² − k² − s²      a² + b² = √((n² − k² − s²)² + 4n²k²)      s = sin θ, c = cos θ

@@ -8,7 +8,7 @@ use sunglint_plugin::{Args, BindError, Default, Model, ModelInfo, Param};
 use sunglint_radiometry::{Dimension, LocalDir, SpectralGrid};
 
 use crate::sampling::cosine_hemisphere;
-use crate::spectral::{ROUNDING, reflectance_on, required};
+use crate::spectral::{reflectance_on, required};
 use crate::{AngularSpectra, Bsdf, Lobes, Sample, Separable, Split};
 
 /// A bi-Lambertian leaf.
@@ -39,7 +39,7 @@ fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
     let tau = reflectance_on("transmittance", required("leaf", args, "transmittance")?, grid)?;
     let sums = grid.entries().iter().zip(rho.iter().zip(&tau)).map(|(entry, (rho, tau))| (entry, rho + tau - 1.0));
     // A bin's straight line may pass the tables' own sum by a little.
-    if let Some((entry, excess)) = sums.into_iter().find(|(_, excess)| *excess > 1e-3_f64.max(ROUNDING)) {
+    if let Some((entry, excess)) = sums.into_iter().find(|(_, excess)| *excess > 1e-3) {
         let nm = entry.wavelength.nm();
         return Err(BindError::of_block(
             "M05",

@@ -74,7 +74,7 @@ fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
         (None, Some(bias), Some(sigma)) => (Law::Cauchy { bias, sigma }, None),
         (None, ..) => {
             return Err(BindError::of_block("S05", "`maxwell_beard` needs a `scan`, or `bias` and `sigma`")
-                .help("NEF parameters: `bias 0.5, sigma 0.1, rho_d 0.02, tau 15 deg, omega 40 deg`"));
+                .help("NEF parameters: `bias 0.06, sigma 0.1, rho_d 0.02, tau 15 deg, omega 40 deg`"));
         }
     };
     let rho_d = match (optional(&RHO_D)?, cross) {

@@ -150,7 +150,7 @@ fn visible_of_hemisphere(v: DVec3, u: [f64; 2]) -> DVec3 {
     p1 * t1 + p2 * t2 + (1.0 - p1 * p1 - p2 * p2).max(0.0).sqrt() * v
 }
 
-/// A normal of Gaussian slopes of unit α as seen from `v` [Heitz2014, EGSR, sec. 3]. Along the view slopes x have density
+/// A normal of Gaussian slopes of unit α as seen from `v` [Heitz2014 (with d'Eon), sec. 3]. Along the view slopes x have density
 /// (cos θ − x sin θ) e^(−x²)/√π up to x = cot θ, hence the distribution
 /// F(x) = cos θ (1 + erf x)/2 + sin θ e^(−x²)/(2√π); across it they are Gaussian.
 fn visible_of_gaussian(v: DVec3, u: [f64; 2]) -> DVec3 {

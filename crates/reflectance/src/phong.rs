@@ -78,7 +78,7 @@ fn albedo(m: f64, theta: f64) -> f64 {
     };
     let whole = (FRAC_PI_2 - theta).clamp(0.0, reach);
     let peak = (m + 2.0) / TAU;
-    (peak * (tanh_sinh(0.0, whole, inner) + tanh_sinh(whole, reach, inner))).min(1.0)
+    peak * (tanh_sinh(0.0, whole, inner) + tanh_sinh(whole, reach, inner))
 }
 
 /// Adds k_s ρ(m) to each entry, ρ found once where m does not depend on wavelength.

@@ -40,6 +40,11 @@ impl Hemisphere {
         Self { nodes: gauss_legendre(16) }
     }
 
+    /// Enough for what is left of 1: 1e-4 of Gaussian lobes along the horizon too, some 1800 directions.
+    pub fn medium() -> Self {
+        Self { nodes: gauss_legendre(30) }
+    }
+
     /// Enough to be compared with: 1e-6 of what is smooth, some 4000 directions.
     pub fn fine() -> Self {
         Self { nodes: gauss_legendre(40) }

@@ -21,9 +21,9 @@ const VOL: Param =
 const GEO: Param = Param::spectrum("geo", Dimension::Fraction, Default::Number(0.0), "f_geo, of the geometric kernel")
     .within(0.0, 2.0);
 const SHAPE: Param =
-    Param::quantity("shape", Dimension::Fraction, Default::Number(1.0), "b/r, height over width of a crown")
+    Param::spectrum("shape", Dimension::Fraction, Default::Number(1.0), "b/r, height over width of a crown")
         .within(0.01, 100.0);
-const HEIGHT: Param = Param::quantity(
+const HEIGHT: Param = Param::spectrum(
     "height",
     Dimension::Fraction,
     Default::Number(2.0),
@@ -44,17 +44,7 @@ pub const MODEL: Model<dyn Bsdf> = Model {
 
 fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
     let of = |param: &Param| spectrum_within(param, required("ross_li", args, param.name)?, grid);
-    let number = |param: &Param| {
-        let value = args.number(param.name).unwrap_or(1.0);
-        let (low, high) = param.range;
-        if (low..=high).contains(&value) {
-            return Ok(value);
-        }
-        let name = param.name;
-        Err(BindError::new("U05", name, format!("`{name}` lies between {low} and {high}, not at {value}")))
-    };
-    let kernels =
-        Kernels { iso: of(&ISO)?, vol: of(&VOL)?, geo: of(&GEO)?, b_r: number(&SHAPE)?, h_b: number(&HEIGHT)? };
+    let kernels = Kernels { iso: of(&ISO)?, vol: of(&VOL)?, geo: of(&GEO)?, b_r: of(&SHAPE)?, h_b: of(&HEIGHT)? };
     Ok(Arc::new(Composite::new(kernels, Nothing, grid.len(), true, Energy::Looked)))
 }
 
@@ -62,8 +52,8 @@ struct Kernels {
     iso: OnGrid,
     vol: OnGrid,
     geo: OnGrid,
-    b_r: f64,
-    h_b: f64,
+    b_r: OnGrid,
+    h_b: OnGrid,
 }
 
 /// K_vol = [(π/2 − ξ) cos ξ + sin ξ]/(cos θ_i + cos θ_o) − π/4, ξ the phase angle [Lucht2000, eq. 38].
@@ -104,8 +94,10 @@ impl Part for Kernels {
         let (theta_i, theta_o) = (incident.theta().min(LIMIT), outgoing.theta().min(LIMIT));
         let phi = relative_azimuth(incident, outgoing);
         let vol = ross_thick(theta_i, theta_o, phi);
-        let geo = li_sparse_reciprocal(theta_i, theta_o, phi, self.b_r, self.h_b);
+        let li = |b_r: f64, h_b: f64| li_sparse_reciprocal(theta_i, theta_o, phi, b_r, h_b);
+        let even = self.b_r.constant().zip(self.h_b.constant()).map(|(b_r, h_b)| li(b_r, h_b));
         for (entry, f) in f.iter_mut().enumerate() {
+            let geo = even.unwrap_or_else(|| li(self.b_r.at(entry), self.h_b.at(entry)));
             *f += (self.iso.at(entry) + self.vol.at(entry) * vol + self.geo.at(entry) * geo).max(0.0) / PI;
         }
     }

@@ -153,7 +153,7 @@ impl Split {
         self.diffuse.fill(theta, f);
         f.iter_mut().for_each(|f| *f /= PI);
         let cone = TopHat::new(self.solid_angle_at(theta));
-        if self.solid_angle_at(theta) > MIRROR_LIMIT && cone.contains(incident, outgoing) {
+        if self.lobe_solid_angle(theta) > 0.0 && cone.contains(incident, outgoing) {
             let height = cone.height(theta);
             for (node, weight) in self.specular.weights(theta) {
                 let rho_s = self.specular.spectrum(node);
@@ -220,6 +220,13 @@ impl Split {
             })
         };
         Some(Self { diffuse, specular, printed, solid_angle: self.solid_angle.clone() })
+    }
+
+    /// Ω_s at a view angle \[rad\], 0 where the lobe is a true mirror: no wider than the sun's disk, however wide that is on the
+    /// day.
+    pub fn lobe_solid_angle(&self, theta: f64) -> f64 {
+        let solid_angle = self.solid_angle_at(theta);
+        if solid_angle > MIRROR_LIMIT { solid_angle } else { 0.0 }
     }
 
     /// Ω_s at a view angle \[rad\], a straight line between nodes \[sr\].

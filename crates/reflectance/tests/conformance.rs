@@ -156,6 +156,13 @@ fn cases(model: &str) -> Vec<Given> {
             cases.push(with(&metal(), vec![ramp("roughness", 0.1, 0.5), switch("multiple", true)]));
             cases.push(with(&coat(), vec![constant("roughness", 0.2), ramp("diffuse", 0.2, 1.0)]));
             cases.push(with(&metal(), vec![constant("roughness", 0.0)]));
+            // As good as no loss: nothing may come of rounding.
+            let lossless = vec![constant("n", 0.01), constant("k", 100.0)];
+            for alpha in [0.1, 0.5, 1.0] {
+                cases.push(with(&lossless, vec![constant("roughness", alpha), switch("multiple", true)]));
+            }
+            cases.push(with(&coat(), vec![constant("roughness", 0.3), constant("diffuse", 1.0)]));
+            cases.push(with(&coat(), vec![constant("roughness", 0.0), constant("diffuse", 0.5)]));
             cases
         }
         "oren_nayar" => {
@@ -177,7 +184,8 @@ fn cases(model: &str) -> Vec<Given> {
             let three = |iso, vol, geo| vec![constant("iso", iso), constant("vol", vol), constant("geo", geo)];
             let mut cases =
                 vec![three(0.3, 0.0, 0.0), three(0.05, 0.03, 0.01), three(0.4, 0.2, 0.05), three(0.1, 0.0, 0.1)];
-            cases.push(with(&vec![ramp("iso", 0.1, 0.5), ramp("vol", 0.0, 0.1)], vec![constant("geo", 0.03)]));
+            let crowns = vec![constant("geo", 0.03), ramp("shape", 1.0, 1.5), constant("height", 1.5)];
+            cases.push(with(&vec![ramp("iso", 0.1, 0.5), ramp("vol", 0.0, 0.1)], crowns));
             cases
         }
         "hapke" => {

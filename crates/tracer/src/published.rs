@@ -376,7 +376,7 @@ impl Published {
                 chains.clone()
             };
             let step = Step { chains, by_mirror: true, ..copy(step) };
-            self.mirror(scenery, id, vertex, &step, glint, lobe_solid_angle(surface, theta), stream, paths);
+            self.mirror(scenery, id, vertex, &step, glint, surface.bsdf.split().lobe_solid_angle(theta), stream, paths);
         }
         if paths.samples[id as usize].sky_view.is_nan() {
             let seen = self.escape(scenery, hit, stream, paths).is_some();
@@ -550,7 +550,16 @@ impl Published {
                 let weight = weight / specular;
                 let step = Step { hit, outgoing, chains, weight, depth, by_mirror: from.by_mirror };
                 let glint = step.chains.clone();
-                self.mirror(scenery, id, vertex, &step, glint, lobe_solid_angle(surface, theta), stream, paths);
+                self.mirror(
+                    scenery,
+                    id,
+                    vertex,
+                    &step,
+                    glint,
+                    surface.bsdf.split().lobe_solid_angle(theta),
+                    stream,
+                    paths,
+                );
                 return;
             }
             share = 1.0 / (1.0 - specular);
@@ -628,11 +637,6 @@ impl Published {
 
 fn copy(step: &Step) -> Step {
     Step { chains: step.chains.clone(), ..*step }
-}
-
-/// Ω_s at a view angle \[sr\]; 0 where the model takes its lobe for a mirror, however wide the sun's disk is that day.
-fn lobe_solid_angle(surface: &Surface, theta: f64) -> f64 {
-    if surface.bsdf.lobes().mirror { 0.0 } else { surface.bsdf.split().solid_angle_at(theta) }
 }
 
 fn background_term(by_mirror: bool) -> Term {
