@@ -438,13 +438,19 @@ fn every_shipped_material_is_a_material() {
     }
     std::fs::write(
         &scene,
-        all + "experiment split { reflectance split else ideal }\nexperiment ideal { reflectance ideal }\n",
+        all + "experiment split { reflectance split else ideal }\n\
+               experiment rough { reflectance rough_conductor else ideal }\n\
+               experiment crude { reflectance total_diffuse else ideal }\n",
     )
     .expect("a scene");
     let plan = json(&["plan", text(&scene), "--json"]);
     assert_eq!(plan["runs"][0]["models"]["asphalt_road_old"], "split");
     assert_eq!(plan["runs"][0]["models"]["panel_spectralon_90"], "ideal");
-    assert_eq!(plan["runs"][1]["models"].as_object().map(|models| models.len()), Some(23));
+    assert_eq!(plan["runs"][1]["models"]["water_calm"], "rough_conductor");
+    assert_eq!(plan["runs"][2]["models"]["asphalt_road_old"], "total_diffuse");
+    // And the two of the scene itself, of which one is not in use.
+    let n = sunglint::reflectance::shipped_materials().count() + 1;
+    assert_eq!(plan["runs"][1]["models"].as_object().map(|models| models.len()), Some(n));
 }
 
 /// A scene whose only finding is a warning passes, unless that warning, or any, is denied: then nothing is written.

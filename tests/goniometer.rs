@@ -272,3 +272,74 @@ fn bad_input_is_told_and_nothing_is_written() {
         assert!(stdout(&[command, "--help"]).contains("Example"));
     }
 }
+
+/// A model's own scans fitted by it: parameters come back with errors that cover them, and the block that is printed binds
+/// to the same reflectance.
+#[test]
+fn a_model_is_fitted_to_its_own_scans() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = bench(
+        folder.path(),
+        "material glossy { ward { diffuse [red 0.2, nir 0.4], specular 0.15, roughness 0.2 } }\nfacet glossy (0 0 1) (1 0 1) (1 1 1) m",
+    );
+    let scans = folder.path().join("glossy.csv");
+    let wanted = ["goniometer", "glossy", "--scene", &scene, "--noise", "1 %", "-o", text(&scans)];
+    stdout(&wanted);
+    let plot = folder.path().join("glossy.svg");
+    let table = folder.path().join("misfits.csv");
+    let fit = json(&["fit", text(&scans), "--model", "ward", "--json", "--plot", text(&plot), "-o", text(&table)]);
+    for (band, diffuse) in rows(&fit["bands"]).iter().zip([0.2, 0.4]) {
+        for (parameter, truth) in rows(&band["parameters"]).iter().zip([diffuse, 0.15, 0.2]) {
+            let (value, error) = (number(&parameter["value"]), number(&parameter["standard_error"]));
+            assert!((value - truth).abs() < 4.0 * error + 2e-3 * truth, "{parameter}: {truth}");
+        }
+        let chi_square = number(&band["chi_square"]) / number(&band["degrees_of_freedom"]);
+        assert!((0.2..2.0).contains(&chi_square), "{chi_square}");
+    }
+    let misfits = std::fs::read_to_string(&table).expect("a table");
+    assert!(misfits.starts_with("band,illumination_zenith_deg,view_zenith_deg,brf,model_brf,misfit_brf\nred,8,"));
+    assert!(std::fs::read_to_string(&plot).expect("a plot").contains("Scans and fitted ward"));
+    let block = fit["in_a_scene"].as_str().expect("a block");
+    let again = bench(folder.path(), &format!("material glossy {{ {block} }}\nfacet glossy (0 0 1) (1 0 1) (1 1 1) m"));
+    let directions = folder.path().join("directions.csv");
+    std::fs::write(&directions, "incident_zenith_deg,view_zenith_deg,relative_azimuth_deg\n40,20,120\n")
+        .expect("angles");
+    let value =
+        json(&["reflectance", &again, "glossy", "--geometry", text(&directions), "--wavelength", "0.65", "--json"]);
+    assert!(number(&value["rows"][0]["brdf_per_sr"]) > 0.2 / PI * 0.9);
+
+    // Ranked, the model that made the scans is first.
+    let ranked = json(&["fit", text(&scans), "--compare=ideal,phong,ward,oren_nayar", "--json"]);
+    assert_eq!((&ranked["models"][0]["model"], &ranked["models"][0]["unbeaten"]), (&"ward".into(), &true.into()));
+    assert!(stdout(&["fit", text(&scans), "--compare=ideal,ward"]).contains("ns/pair"));
+
+    let refused = |more: &[&str]| refusal(&[&["fit", text(&scans)], more].concat());
+    assert!(refused(&["--model", "wardd"]).contains("did you mean `ward`"));
+    assert!(refused(&["--model", "ward", "--free", "shine"]).contains("it has diffuse, specular, roughness"));
+    assert!(refused(&["--model", "ggx", "--fix", "n=400"]).contains("between 1.02 and 10"));
+    assert!(refused(&["--model", "he_torrance"]).contains("wavelength_nm"));
+    assert!(refused(&["--compare=ideal,split"]).contains("split"));
+}
+
+/// What the split of a model loses: nothing of a Lambertian surface, and of a lobe its shape.
+#[test]
+fn a_split_is_held_against_the_whole() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = bench(
+        folder.path(),
+        "material matt { oren_nayar { diffuse 0.4, roughness 0 rad } }\n\
+         material metal { ggx { n 1, k 6, roughness 0.3 }, split { category highly_specular, total 0.9 } }\n\
+         facet matt (0 0 1) (1 0 1) (1 1 1) m\nfacet metal (0 0 2) (1 0 2) (1 1 2) m",
+    );
+    let matt = json(&["reflectance", &scene, "matt", "--compare", "split,full", "--json"]);
+    let row = &matt["rows"][0];
+    assert!(number(&row["rms_brf"]) < 1e-4 && (number(&row["mean_brf"]) - 0.4).abs() < 1e-6, "{row}");
+    let plot = folder.path().join("loss.png");
+    let kind = format!("brdf={}", text(&plot));
+    let own = json(&["reflectance", &scene, "metal", "--compare", "split,full", "--plot", &kind, "--json"]);
+    assert_eq!((own["first"].as_str(), own["second"].as_str()), (Some("split"), Some("ggx")));
+    assert!(number(&own["rows"][0]["rms_brf"]) > 0.1 && plot.exists());
+    assert!(refusal(&["reflectance", &scene, "grey", "--compare", "split,full"]).contains("no model beyond ideal"));
+    assert!(refusal(&["reflectance", &scene, "metal", "--compare", "split"]).contains("two names"));
+    assert!(refusal(&["reflectance", &scene, "metal", "--compare", "split,shine"]).contains("shine"));
+}

@@ -86,7 +86,7 @@ impl FacetLobe {
     pub fn reflectance(&self, n: usize) -> AngularSpectra {
         let rule = Hemisphere::medium();
         let steps = (0..=32).map(|i| 2.0 * f64::from(i));
-        let elevations = (0..).map(|k| 25.0 * 0.9_f64.powi(k)).take_while(|elevation| *elevation > 0.02);
+        let elevations = (0..).map(|k| 25.0 * 0.9_f64.powi(k)).take_while(|elevation| *elevation > 0.002);
         let angles: Vec<f64> = steps.chain(elevations.map(|elevation| 90.0 - elevation)).map(f64::to_radians).collect();
         let spectra = (angles.iter())
             .map(|theta| {
@@ -222,14 +222,11 @@ pub(crate) struct Leftover {
 
 impl Leftover {
     /// From c and E; where E_avg is 1 nothing is left. E is taken for 5e-4 more than its table has, so that straight lines
-    /// between nodes never return more than came, and rises to 1 along the horizon.
+    /// between nodes, the last of which holds, never return more than came.
     pub fn new(share: Vec<f64>, taken: &AngularSpectra) -> Self {
-        let mut angles = taken.angles().to_vec();
+        let angles = taken.angles().to_vec();
         let rest = |node| taken.spectrum(node).iter().map(|e| (1.0 - 1.0005 * e).max(0.0)).collect();
-        let mut left: Vec<Vec<f64>> = (0..angles.len()).map(rest).collect();
-        angles.push(FRAC_PI_2);
-        left.push(vec![0.0; share.len()]);
-        let left = AngularSpectra::new(angles, left);
+        let left = AngularSpectra::new(angles.clone(), (0..angles.len()).map(rest).collect());
         let mean = left.hemispherical().into_iter().map(|mean| mean.max(1e-12)).collect();
         Self { share, left, mean }
     }
@@ -237,7 +234,7 @@ impl Leftover {
     /// Its reflectance on the nodes of E.
     pub fn reflectance(&self) -> AngularSpectra {
         let of = |node| self.left.spectrum(node).iter().zip(&self.share).map(|(left, c)| c * left).collect();
-        let angles = self.left.angles()[..self.left.angles().len() - 1].to_vec();
+        let angles = self.left.angles().to_vec();
         let spectra = (0..angles.len()).map(of).collect();
         AngularSpectra::new(angles, spectra)
     }

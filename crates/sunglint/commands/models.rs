@@ -44,7 +44,7 @@ impl Models {
                 let of_role: Vec<_> = found.iter().filter(|(r, _)| *r == role).collect();
                 if !of_role.is_empty() {
                     print(format_args!("{}s\n", role.noun()));
-                    of_role.iter().for_each(|(_, info)| print(format_args!("  {:<12} {}\n", info.name, info.summary)));
+                    of_role.iter().for_each(|(_, info)| print(format_args!("  {:<17} {}\n", info.name, info.summary)));
                 }
             }
             print("\n`sunglint models NAME` prints a manual.\n");
