@@ -130,7 +130,6 @@ pub fn spectral_consistency<E>(
     let mut random = Random(0x0b1d);
     let directions: Vec<[LocalDir; 2]> = (0..50)
         .map(|_| [(); 2].map(|()| cosine_hemisphere([random.next(), random.next()])))
-        .map(|[i, o]| [i, o])
         .chain([20.0_f64, 70.0].map(|degree| {
             let o = LocalDir::from_polar(degree.to_radians(), 0.4);
             [o.mirrored(), o]

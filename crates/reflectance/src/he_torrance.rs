@@ -268,9 +268,9 @@ mod tests {
     #[test]
     fn the_series_meets_its_geometric_limit() {
         let g: f64 = 30.0;
-        for q in [0.0, 0.5, 1.0, 2.0] {
+        for q in [0.0_f64, 0.5, 1.0, 2.0] {
             // D e^… with w = q g: Σ → e^(−q)/g [1 + (2 − 4q + q²)/(2g)].
-            let limit = (-q as f64).exp() / g * (1.0 + (2.0 - 4.0 * q + q * q) / (2.0 * g));
+            let limit = (-q).exp() / g * (1.0 + (2.0 - 4.0 * q + q * q) / (2.0 * g));
             assert!((series(g, q * g) / limit - 1.0).abs() < 5e-3, "{q}: {} {limit}", series(g, q * g));
         }
         assert_eq!(series(0.0, 1.0), 0.0);
