@@ -426,7 +426,9 @@ impl Suite<'_> {
             let outgoing = LocalDir::from_polar(theta, 0.7);
             let cells = self.cells(outgoing);
             let density = |incident: LocalDir| self.model.pdf(incident, outgoing);
-            let mut expected: Vec<f64> = cells.iter().map(|cell| n as f64 * cell.integral(&density)).collect();
+            // A fifth of a draw a cell.
+            let within = (0.2 / n as f64).min(TOLERANCE);
+            let mut expected: Vec<f64> = cells.iter().map(|cell| n as f64 * cell.integral(&density, within)).collect();
             let mut counts = vec![0.0; cells.len() + 2];
             let mut choice = 0.0;
             for _ in 0..n {
@@ -449,7 +451,7 @@ impl Suite<'_> {
     /// Integral over the directions above the surface, and below it where light passes through, of a function that peaks
     /// about the mirror direction of `seen`.
     fn integral(&self, seen: LocalDir, f: impl Fn(LocalDir) -> f64) -> f64 {
-        self.cells(seen).iter().map(|cell| cell.integral(&f)).sum()
+        self.cells(seen).iter().map(|cell| cell.integral(&f, TOLERANCE)).sum()
     }
 
     /// Cells about the mirror direction, in rings that widen geometrically, with the edge of a top-hat lobe among them.
@@ -471,6 +473,9 @@ impl Suite<'_> {
             .collect()
     }
 }
+
+/// What halving a cell may change of an integral over it.
+const TOLERANCE: f64 = 2e-6;
 
 /// Cells of a ring.
 const SECTORS: usize = 12;
@@ -501,12 +506,13 @@ impl Cell {
         LocalDir::from_unit(self.axis.to_world(LocalDir::from_polar(alpha, beta)).vec())
     }
 
-    /// ∫ f dω over the cell, its part above the surface where nothing passes through: four by four Gauss points, halved until that changes nothing.
-    fn integral(&self, f: &impl Fn(LocalDir) -> f64) -> f64 {
-        self.refined(f, self.gauss(f), 7)
+    /// ∫ f dω over the cell, its part above the surface where nothing passes through: four by four Gauss points, halved until that changes
+    /// less than `within`.
+    fn integral(&self, f: &impl Fn(LocalDir) -> f64, within: f64) -> f64 {
+        self.refined(f, self.gauss(f), within, if within < TOLERANCE { 10 } else { 7 })
     }
 
-    fn refined(&self, f: &impl Fn(LocalDir) -> f64, whole: f64, depth: u32) -> f64 {
+    fn refined(&self, f: &impl Fn(LocalDir) -> f64, whole: f64, within: f64, depth: u32) -> f64 {
         let middle = |[a, b]: [f64; 2]| 0.5 * (a + b);
         let (ma, mb) = (middle(self.alpha), middle(self.beta));
         let quarters = [[self.alpha[0], ma], [ma, self.alpha[1]]].into_iter().flat_map(|alpha| {
@@ -514,10 +520,12 @@ impl Cell {
         });
         let parts: Vec<(Cell, f64)> = quarters.map(|cell| (cell, cell.gauss(f))).collect();
         let sum: f64 = parts.iter().map(|(_, part)| part).sum();
-        if depth == 0 || (sum - whole).abs() < 2e-6 || !sum.is_finite() {
+        // Wide cells may be cut by the horizon where no point of theirs sees it.
+        let wide = self.alpha[1] - self.alpha[0] > 0.2;
+        if depth == 0 || (!wide && (sum - whole).abs() < within) || !sum.is_finite() {
             return sum;
         }
-        parts.iter().map(|(cell, part)| cell.refined(f, *part, depth - 1)).sum()
+        parts.iter().map(|(cell, part)| cell.refined(f, *part, within, depth - 1)).sum()
     }
 
     fn gauss(&self, f: &impl Fn(LocalDir) -> f64) -> f64 {
@@ -529,14 +537,34 @@ impl Cell {
         let mut sum = 0.0;
         for (x, w) in X.into_iter().zip(W) {
             let alpha = point(self.alpha, x);
-            for (y, v) in X.into_iter().zip(W) {
-                let direction = self.direction(alpha, point(self.beta, y));
-                if self.whole || direction.cos() > 0.0 {
-                    sum += w * v * alpha.sin() * f(direction);
+            for beta in self.above(alpha) {
+                let width = 0.5 * (beta[1] - beta[0]);
+                for (y, v) in X.into_iter().zip(W) {
+                    sum += w * v * width * alpha.sin() * f(self.direction(alpha, point(beta, y)));
                 }
             }
         }
-        0.25 * (self.alpha[1] - self.alpha[0]) * (self.beta[1] - self.beta[0]) * sum
+        0.5 * (self.alpha[1] - self.alpha[0]) * sum
+    }
+
+    /// The parts of the cell's azimuths at an angle to the axis that lie above the surface: z = A + B cos(β − β₀) > 0.
+    fn above(&self, alpha: f64) -> impl Iterator<Item = [f64; 2]> {
+        let z = |beta: f64| self.direction(alpha, beta).cos();
+        let (ahead, behind) = (z(0.0), z(PI));
+        let (a, x) = (0.5 * (ahead + behind), 0.5 * (ahead - behind));
+        let y = z(FRAC_PI_2) - a;
+        let b = x.hypot(y);
+        let half = match () {
+            () if self.whole || a >= b => f64::INFINITY,
+            () if a <= -b => 0.0,
+            () => (-a / b).clamp(-1.0, 1.0).acos(),
+        };
+        let (middle, [low, high]) = (y.atan2(x), self.beta);
+        let turns: &[f64] = if half.is_finite() { &[-TAU, 0.0, TAU] } else { &[0.0] };
+        turns
+            .iter()
+            .map(move |turn| [(middle + turn - half).max(low), (middle + turn + half).min(high)])
+            .filter(|[a, b]| a < b)
     }
 }
 
