@@ -214,12 +214,18 @@ impl<B: Part, G: Gloss> Composite<B, G> {
     fn make_split(&self) -> Split {
         let rule = Hemisphere::coarse();
         let theta = nodes();
-        let (mut diffuse, mut specular) = (Vec::new(), Vec::new());
-        for t in &theta {
-            let [body, gloss] = self.hemispherical(Way::Arriving, *t, &rule);
-            diffuse.push(body);
-            specular.push(gloss);
-        }
+        // Threads of its own: a pool's might take up work meanwhile that waits for this very split.
+        let threads = std::thread::available_parallelism().map_or(1, usize::from);
+        let of_nodes = |nodes: &[f64]| -> Vec<[Vec<f64>; 2]> {
+            nodes.iter().map(|t| self.hemispherical(Way::Arriving, *t, &rule)).collect()
+        };
+        let parts: Vec<[Vec<f64>; 2]> = std::thread::scope(|scope| {
+            let running: Vec<_> =
+                theta.chunks(theta.len().div_ceil(threads)).map(|nodes| scope.spawn(move || of_nodes(nodes))).collect();
+            running.into_iter().flat_map(|part| part.join().expect("no part panics")).collect()
+        });
+        let (mut diffuse, mut specular): (Vec<_>, Vec<_>) =
+            parts.into_iter().map(|[body, gloss]| (body, gloss)).unzip();
         if let Some(split) = self.body.split(&theta, &diffuse) {
             return split;
         }

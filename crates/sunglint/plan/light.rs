@@ -290,12 +290,16 @@ pub(super) fn path_heights(world: &World, camera: &dyn Camera, level: Option<f64
 /// Bihemispherical, 2 ∫ ρ(θ) cos θ sin θ dθ, by the midpoints of equal steps of sin² θ.
 pub(super) fn ground_albedo(scene: &Scene, world: &World, scenery: &Scenery, n: usize) -> Vec<f64> {
     const STEPS: usize = 16;
-    let mut rho = vec![0.0; n];
-    let mut of_material = |material: MaterialId| {
-        let mut albedo = vec![0.0; n];
-        for i in 0..STEPS {
+    let of_material = |material: MaterialId| {
+        let bsdf = &scenery.surface(material).bsdf;
+        let at = |i: usize| {
             let theta = ((i as f64 + 0.5) / STEPS as f64).sqrt().asin();
-            scenery.surface(material).bsdf.albedo(LocalDir::from_polar(theta, 0.0), &mut rho);
+            let mut rho = vec![0.0; n];
+            bsdf.albedo(LocalDir::from_polar(theta, 0.0), &mut rho);
+            rho
+        };
+        let mut albedo = vec![0.0; n];
+        for rho in (0..STEPS).into_par_iter().map(at).collect::<Vec<_>>() {
             albedo.iter_mut().zip(&rho).for_each(|(sum, rho)| *sum += rho / STEPS as f64);
         }
         albedo
