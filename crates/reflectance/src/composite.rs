@@ -214,16 +214,7 @@ impl<B: Part, G: Gloss> Composite<B, G> {
     fn make_split(&self) -> Split {
         let rule = Hemisphere::coarse();
         let theta = nodes();
-        // Threads of its own: a pool's might take up work meanwhile that waits for this very split.
-        let threads = std::thread::available_parallelism().map_or(1, usize::from);
-        let of_nodes = |nodes: &[f64]| -> Vec<[Vec<f64>; 2]> {
-            nodes.iter().map(|t| self.hemispherical(Way::Arriving, *t, &rule)).collect()
-        };
-        let parts: Vec<[Vec<f64>; 2]> = std::thread::scope(|scope| {
-            let running: Vec<_> =
-                theta.chunks(theta.len().div_ceil(threads)).map(|nodes| scope.spawn(move || of_nodes(nodes))).collect();
-            running.into_iter().flat_map(|part| part.join().expect("no part panics")).collect()
-        });
+        let parts = on_all_threads(&theta, |t| self.hemispherical(Way::Arriving, *t, &rule));
         let (mut diffuse, mut specular): (Vec<_>, Vec<_>) =
             parts.into_iter().map(|[body, gloss]| (body, gloss)).unzip();
         if let Some(split) = self.body.split(&theta, &diffuse) {
@@ -303,6 +294,19 @@ impl<B: Part, G: Gloss> Composite<B, G> {
         let gloss = if choice[1] > 0.0 { choice[1] * self.gloss.drawn_with(incident, outgoing) } else { 0.0 };
         choice[0] * self.body.density(incident, outgoing) + gloss
     }
+}
+
+/// What `of` makes of each item, in their order, on threads of its own: those of a pool might take up work meanwhile that waits
+/// for this very answer.
+pub(crate) fn on_all_threads<T: Sync, R: Send>(items: &[T], of: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    let of = &of;
+    std::thread::scope(|scope| {
+        let running: Vec<_> = (items.chunks(items.len().div_ceil(threads).max(1)))
+            .map(|part| scope.spawn(move || part.iter().map(of).collect::<Vec<R>>()))
+            .collect();
+        running.into_iter().flat_map(|part| part.join().expect("no part panics")).collect()
+    })
 }
 
 /// Which of the two directions an integral runs over.

@@ -6,7 +6,7 @@ use std::f64::consts::FRAC_PI_2;
 use sunglint_radiometry::LocalDir;
 
 use crate::AngularSpectra;
-use crate::composite::{Gloss, Part, Way, add_terms, gloss_reflectance};
+use crate::composite::{Gloss, Part, Way, add_terms, gloss_reflectance, on_all_threads};
 use crate::fresnel::Interface;
 use crate::microfacet::{Facets, Half, Shadowing, normal, reflected, v_groove};
 use crate::quadrature::{Hemisphere, tanh_sinh};
@@ -88,13 +88,11 @@ impl FacetLobe {
         let steps = (0..=32).map(|i| 2.0 * f64::from(i));
         let elevations = (0..).map(|k| 25.0 * 0.9_f64.powi(k)).take_while(|elevation| *elevation > 0.002);
         let angles: Vec<f64> = steps.chain(elevations.map(|elevation| 90.0 - elevation)).map(f64::to_radians).collect();
-        let spectra = (angles.iter())
-            .map(|theta| {
-                let mut rho = gloss_reflectance(self, n, Way::Leaving, *theta, &rule);
-                self.add_mirror(*theta, &mut rho);
-                rho
-            })
-            .collect();
+        let spectra = on_all_threads(&angles, |theta| {
+            let mut rho = gloss_reflectance(self, n, Way::Leaving, *theta, &rule);
+            self.add_mirror(*theta, &mut rho);
+            rho
+        });
         AngularSpectra::new(angles, spectra)
     }
 }
