@@ -7,12 +7,12 @@ use sunglint_plugin::{Args, BindError, Model, ModelInfo};
 use sunglint_radiometry::{LocalDir, SpectralGrid};
 
 use crate::Bsdf;
-use crate::composite::{Composite, Energy, Gloss, Lambert, Part, add_terms};
+use crate::composite::{Composite, Energy, Lambert};
 use crate::microfacet::{Half, normal, reflected};
-use crate::phong::{DIFFUSE, EXPONENT, SPECULAR, add_scaled};
+use crate::phong::{DIFFUSE, EXPONENT, SPECULAR};
 use crate::quadrature::tanh_sinh;
-use crate::sampling::pick;
-use crate::spectral::{OnGrid, diffuse_beside, reflectance_on, required, spectrum_within};
+use crate::scaled_lobe::{ScaledLobe, Shape};
+use crate::spectral::{diffuse_beside, reflectance_on, required, spectrum_within};
 
 /// Blinn's lobe of the half vector, normalised.
 pub const MODEL: Model<dyn Bsdf> = Model {
@@ -30,15 +30,8 @@ fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
     let k_s = reflectance_on("specular", specular, grid)?;
     let exponent = spectrum_within(&EXPONENT, required("blinn_phong", args, "exponent")?, grid)?;
     let k_d = diffuse_beside("blinn_phong", args, specular, &k_s, grid)?;
-    let lobe = Lobe::new(exponent, k_s);
+    let lobe = ScaledLobe::new(AboutNormal, exponent, k_s);
     Ok(Arc::new(Composite::new(Lambert::new(k_d), lobe, grid.len(), true, Energy::Conserved)))
-}
-
-struct Lobe {
-    exponent: OnGrid,
-    drawn: Vec<f64>,
-    k_s: Vec<f64>,
-    terms: Option<[Vec<f64>; 1]>,
 }
 
 /// (m+2)(m+4)/(8π (2^(−m/2) + m)), exact at normal incidence \[sr⁻¹\].
@@ -74,62 +67,38 @@ fn albedo(m: f64, theta: f64) -> f64 {
     peak(m) * (tanh_sinh(0.0, whole, inner) + tanh_sinh(whole, none, inner))
 }
 
-impl Lobe {
-    fn new(exponent: OnGrid, k_s: Vec<f64>) -> Self {
-        let terms = exponent.constant().map(|_| [k_s.clone()]);
-        Self { drawn: exponent.representatives(), exponent, k_s, terms }
-    }
-}
+/// The normalised power of n·h [Blinn1977].
+struct AboutNormal;
 
-impl Part for Lobe {
-    fn is_present(&self) -> bool {
-        self.k_s.iter().any(|k_s| *k_s > 0.0)
+impl Shape for AboutNormal {
+    type Geometry = Half;
+
+    fn geometry(incident: LocalDir, outgoing: LocalDir) -> Half {
+        Half::of(incident, outgoing)
     }
 
-    fn add(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) {
-        if self.terms.is_some() {
-            return add_terms(self, incident, outgoing, f);
-        }
-        let half = Half::of(incident, outgoing);
-        for (entry, f) in f.iter_mut().enumerate() {
-            let m = self.exponent.at(entry);
-            *f += self.k_s[entry] * peak(m) * power(m, &half);
-        }
+    fn at(&self, m: f64, half: &Half) -> f64 {
+        peak(m) * power(m, half)
     }
 
-    fn terms(&self) -> Option<&[Vec<f64>]> {
-        self.terms.as_ref().map(|terms| &terms[..])
-    }
-
-    fn shapes(&self, incident: LocalDir, outgoing: LocalDir, shapes: &mut [f64]) {
-        let m = self.exponent.at(0);
-        shapes[0] = peak(m) * power(m, &Half::of(incident, outgoing));
-    }
-
-    fn add_albedo(&self, theta: f64, rho: &mut [f64]) -> bool {
-        add_scaled(&self.k_s, &self.exponent, |m| albedo(m, theta), rho);
-        true
-    }
-}
-
-impl Gloss for Lobe {
-    fn draw(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
-        let (chosen, u1) = pick(self.drawn.len(), u[1]);
-        // cos² θ_h = (1 − u)^(2/(m+2)), its density (m+2)/(2π) cos^(m+1) θ_h.
-        let tan_squared = (-2.0 / (self.drawn[chosen] + 2.0) * (-u[0]).ln_1p()).exp_m1();
-        reflected(normal(tan_squared, u1), outgoing)
+    /// cos² θ_h = (1 − u)^(2/(m+2)), its density (m+2)/(2π) cos^(m+1) θ_h.
+    fn draw(&self, m: f64, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
+        let tan_squared = (-2.0 / (m + 2.0) * (-u[0]).ln_1p()).exp_m1();
+        reflected(normal(tan_squared, u[1]), outgoing)
     }
 
     /// (m+2)/(2π) (n·h)^(m+1)/(4 o·h)
-    fn drawn_with(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
-        let half = Half::of(incident, outgoing);
-        let of = |m: &f64| (m + 2.0) / TAU * power(m + 1.0, &half) / (4.0 * half.cos_b);
-        self.drawn.iter().map(of).sum::<f64>() / self.drawn.len() as f64
+    fn drawn_with(&self, m: f64, half: &Half) -> f64 {
+        (m + 2.0) / TAU * power(m + 1.0, half) / (4.0 * half.cos_b)
     }
 
     /// cos^m θ_h ≈ exp(−m θ_h²/2)
-    fn slope(&self, entry: usize) -> f64 {
-        (2.0 / (self.exponent.at(entry) + 1.0)).sqrt()
+    fn slope(&self, m: f64) -> f64 {
+        (2.0 / (m + 1.0)).sqrt()
+    }
+
+    fn albedo(&self, m: f64, theta: f64) -> Option<f64> {
+        Some(albedo(m, theta))
     }
 }
 

@@ -31,6 +31,7 @@ mod ross_li;
 mod rough_conductor;
 mod rpv;
 mod sampling;
+mod scaled_lobe;
 mod scans;
 mod shipped;
 mod spectral;

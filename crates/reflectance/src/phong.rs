@@ -7,10 +7,11 @@ use sunglint_plugin::{Args, BindError, Default, Model, ModelInfo, Param};
 use sunglint_radiometry::{Dimension, LocalDir, SpectralGrid};
 
 use crate::Bsdf;
-use crate::composite::{Composite, Energy, Gloss, Lambert, Part, add_terms};
+use crate::composite::{Composite, Energy, Lambert};
 use crate::quadrature::tanh_sinh;
-use crate::sampling::{cosine_lobe, pick};
-use crate::spectral::{OnGrid, diffuse_beside, reflectance_on, required, spectrum_within};
+use crate::sampling::cosine_lobe;
+use crate::scaled_lobe::{ScaledLobe, Shape};
+use crate::spectral::{diffuse_beside, reflectance_on, required, spectrum_within};
 
 /// The parameters of a cosine-power lobe: k_d, k_s and m.
 pub(crate) const DIFFUSE: Param =
@@ -39,22 +40,13 @@ fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
     let k_s = reflectance_on("specular", specular, grid)?;
     let exponent = spectrum_within(&EXPONENT, required("phong", args, "exponent")?, grid)?;
     let k_d = diffuse_beside("phong", args, specular, &k_s, grid)?;
-    let lobe = Lobe::new(exponent, k_s);
+    let lobe = ScaledLobe::new(AboutMirror, exponent, k_s);
     Ok(Arc::new(Composite::new(Lambert::new(k_d), lobe, grid.len(), true, Energy::Conserved)))
-}
-
-/// k_s (m+2)/(2π) (r·o)^m [Lewis1994, CGF 13(2)].
-struct Lobe {
-    exponent: OnGrid,
-    drawn: Vec<f64>,
-    k_s: Vec<f64>,
-    terms: Option<[Vec<f64>; 1]>,
 }
 
 /// cos^m of the angle between the incident direction and the mirror direction of the outgoing one, from small differences
 /// rather than from a cosine near 1.
-fn power(m: f64, incident: LocalDir, outgoing: LocalDir) -> f64 {
-    let versine = 0.5 * (incident.vec() - outgoing.mirrored().vec()).length_squared();
+fn power(m: f64, versine: f64) -> f64 {
     if versine >= 1.0 { 0.0 } else { (m * (-versine).ln_1p()).exp() }
 }
 
@@ -81,72 +73,44 @@ fn albedo(m: f64, theta: f64) -> f64 {
     peak * (tanh_sinh(0.0, whole, inner) + tanh_sinh(whole, reach, inner))
 }
 
-/// Adds k_s ρ(m) to each entry, ρ found once where m does not depend on wavelength.
-pub(crate) fn add_scaled(k_s: &[f64], m: &OnGrid, albedo: impl Fn(f64) -> f64, rho: &mut [f64]) {
-    let even = m.constant().map(&albedo);
-    for (entry, rho) in rho.iter_mut().enumerate() {
-        *rho += k_s[entry] * even.unwrap_or_else(|| albedo(m.at(entry)));
-    }
-}
+/// (m+2)/(2π) (r·o)^m [Lewis1994, CGF 13(2)].
+struct AboutMirror;
 
-impl Lobe {
-    fn new(exponent: OnGrid, k_s: Vec<f64>) -> Self {
-        let terms = exponent.constant().map(|_| [k_s.clone()]);
-        Self { drawn: exponent.representatives(), exponent, k_s, terms }
-    }
-}
+impl Shape for AboutMirror {
+    /// 1 − cos of the angle to the mirror direction.
+    type Geometry = f64;
 
-impl Part for Lobe {
-    fn is_present(&self) -> bool {
-        self.k_s.iter().any(|k_s| *k_s > 0.0)
+    fn geometry(incident: LocalDir, outgoing: LocalDir) -> f64 {
+        0.5 * (incident.vec() - outgoing.mirrored().vec()).length_squared()
     }
 
-    fn add(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) {
-        if self.terms.is_some() {
-            return add_terms(self, incident, outgoing, f);
-        }
-        for (entry, f) in f.iter_mut().enumerate() {
-            let m = self.exponent.at(entry);
-            *f += self.k_s[entry] * (m + 2.0) / TAU * power(m, incident, outgoing);
-        }
+    fn at(&self, m: f64, versine: &f64) -> f64 {
+        (m + 2.0) / TAU * power(m, *versine)
     }
 
-    fn terms(&self) -> Option<&[Vec<f64>]> {
-        self.terms.as_ref().map(|terms| &terms[..])
-    }
-
-    fn shapes(&self, incident: LocalDir, outgoing: LocalDir, shapes: &mut [f64]) {
-        let m = self.exponent.at(0);
-        shapes[0] = (m + 2.0) / TAU * power(m, incident, outgoing);
-    }
-
-    fn add_albedo(&self, theta: f64, rho: &mut [f64]) -> bool {
-        add_scaled(&self.k_s, &self.exponent, |m| albedo(m, theta), rho);
-        true
-    }
-}
-
-impl Gloss for Lobe {
-    fn draw(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
-        let (chosen, u1) = pick(self.drawn.len(), u[1]);
-        Some(cosine_lobe(outgoing.mirrored(), self.drawn[chosen], [u[0], u1]))
+    fn draw(&self, m: f64, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
+        Some(cosine_lobe(outgoing.mirrored(), m, u))
     }
 
     /// (m+1)/(2π) (r·o)^m
-    fn drawn_with(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
-        let of = |m: &f64| (m + 1.0) / TAU * power(*m, incident, outgoing);
-        self.drawn.iter().map(of).sum::<f64>() / self.drawn.len() as f64
+    fn drawn_with(&self, m: f64, versine: &f64) -> f64 {
+        (m + 1.0) / TAU * power(m, *versine)
     }
 
     /// cos^m α ≈ exp(−m α²/2), and α is twice the half vector's angle.
-    fn slope(&self, entry: usize) -> f64 {
-        (0.5 / (self.exponent.at(entry) + 1.0)).sqrt()
+    fn slope(&self, m: f64) -> f64 {
+        (0.5 / (m + 1.0)).sqrt()
+    }
+
+    fn albedo(&self, m: f64, theta: f64) -> Option<f64> {
+        Some(albedo(m, theta))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::spectral::OnGrid;
 
     /// Published check values for m = 20 at 0, 30, 60 and 80°, three digits: 1200 × 720 midpoint sums.
     #[test]
@@ -177,7 +141,7 @@ mod tests {
     /// The trait's contract for a BRDF peak: ρ_s = R_s Ω_s cos θ/π with R_s as printed.
     #[test]
     fn the_split_of_a_lobe_is_consistent() {
-        let lobe = Lobe::new(OnGrid::new(vec![50.0]), vec![0.3]);
+        let lobe = ScaledLobe::new(AboutMirror, OnGrid::new(vec![50.0]), vec![0.3]);
         let phong = Composite::new(Lambert::new(vec![0.5]), lobe, 1, true, Energy::Conserved);
         let split = phong.split();
         for degree in [0.0_f64, 20.0, 44.0, 70.0] {

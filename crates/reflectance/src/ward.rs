@@ -7,10 +7,10 @@ use sunglint_plugin::{Args, BindError, Default, Model, ModelInfo, Param};
 use sunglint_radiometry::{Dimension, LocalDir, SpectralGrid};
 
 use crate::Bsdf;
-use crate::composite::{Composite, Energy, Gloss, Lambert, Part, add_terms};
+use crate::composite::{Composite, Energy, Lambert};
 use crate::microfacet::{Half, normal, reflected};
-use crate::sampling::pick;
-use crate::spectral::{OnGrid, diffuse_beside, reflectance_on, required, spectrum_within};
+use crate::scaled_lobe::{ScaledLobe, Shape};
+use crate::spectral::{diffuse_beside, reflectance_on, required, spectrum_within};
 
 const ROUGHNESS: Param =
     Param::spectrum("roughness", Dimension::Fraction, Default::Required, "α, √2 × the rms slope of the surface")
@@ -56,81 +56,45 @@ fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
         Some("duer") => (Form::Duer, Energy::Looked),
         _ => (Form::Bounded, Energy::Conserved),
     };
-    let lobe = Lobe::new(form, roughness, k_s);
+    let lobe = ScaledLobe::new(form, roughness, k_s);
     Ok(Arc::new(Composite::new(Lambert::new(k_d), lobe, grid.len(), true, energy)))
 }
 
-struct Lobe {
-    form: Form,
-    roughness: OnGrid,
-    drawn: Vec<f64>,
-    k_s: Vec<f64>,
-    terms: Option<[Vec<f64>; 1]>,
+/// exp(−tan² θ_h/α²)/(π α²)
+fn gauss(alpha: f64, half: &Half) -> f64 {
+    (-half.tan_squared / (alpha * alpha)).exp() / (PI * alpha * alpha)
 }
 
-impl Lobe {
-    fn new(form: Form, roughness: OnGrid, k_s: Vec<f64>) -> Self {
-        let terms = roughness.constant().map(|_| [k_s.clone()]);
-        Self { form, drawn: roughness.representatives(), roughness, k_s, terms }
+impl Shape for Form {
+    /// The half vector and cos θ_i cos θ_o.
+    type Geometry = (Half, f64);
+
+    fn geometry(incident: LocalDir, outgoing: LocalDir) -> (Half, f64) {
+        (Half::of(incident, outgoing), incident.cos() * outgoing.cos())
     }
 
-    /// f/k_s \[sr⁻¹\].
-    fn at(&self, alpha: f64, half: &Half, incident: LocalDir, outgoing: LocalDir) -> f64 {
-        let gauss = (-half.tan_squared / (alpha * alpha)).exp() / (PI * alpha * alpha);
-        let cosines = incident.cos() * outgoing.cos();
-        match self.form {
+    fn at(&self, alpha: f64, (half, cosines): &(Half, f64)) -> f64 {
+        let gauss = gauss(alpha, half);
+        match self {
             // H·H/(H·n)⁴ with H = ω_i + ω_o: |H| = 2 cos b, H·n = |H| cos θ_h.
-            Form::Bounded => gauss / (4.0 * half.cos_b * half.cos_b * half.cos.powi(4)),
-            Form::Ward => gauss / (4.0 * cosines.sqrt()),
-            Form::Duer => gauss / (4.0 * cosines),
-        }
-    }
-}
-
-impl Part for Lobe {
-    fn is_present(&self) -> bool {
-        self.k_s.iter().any(|k_s| *k_s > 0.0)
-    }
-
-    fn add(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) {
-        if self.terms.is_some() {
-            return add_terms(self, incident, outgoing, f);
-        }
-        let half = Half::of(incident, outgoing);
-        for (entry, f) in f.iter_mut().enumerate() {
-            *f += self.k_s[entry] * self.at(self.roughness.at(entry), &half, incident, outgoing);
+            Self::Bounded => gauss / (4.0 * half.cos_b * half.cos_b * half.cos.powi(4)),
+            Self::Ward => gauss / (4.0 * cosines.sqrt()),
+            Self::Duer => gauss / (4.0 * cosines),
         }
     }
 
-    fn terms(&self) -> Option<&[Vec<f64>]> {
-        self.terms.as_ref().map(|terms| &terms[..])
-    }
-
-    fn shapes(&self, incident: LocalDir, outgoing: LocalDir, shapes: &mut [f64]) {
-        shapes[0] = self.at(self.roughness.at(0), &Half::of(incident, outgoing), incident, outgoing);
-    }
-}
-
-impl Gloss for Lobe {
     /// tan² θ_h = −α² ln(1 − u) [Ward1992, eq. 7; Walter2005, eq. 6].
-    fn draw(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
-        let (chosen, u1) = pick(self.drawn.len(), u[1]);
-        let alpha = self.drawn[chosen];
-        reflected(normal(-alpha * alpha * (-u[0]).ln_1p(), u1), outgoing)
+    fn draw(&self, alpha: f64, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
+        reflected(normal(-alpha * alpha * (-u[0]).ln_1p(), u[1]), outgoing)
     }
 
     /// exp(−tan² θ_h/α²)/(4π α² (o·h) cos³ θ_h) [Walter2005, eq. 9].
-    fn drawn_with(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
-        let half = Half::of(incident, outgoing);
-        let of = |alpha: &f64| {
-            let gauss = (-half.tan_squared / (alpha * alpha)).exp() / (PI * alpha * alpha);
-            gauss / (4.0 * half.cos_b * half.cos.powi(3))
-        };
-        self.drawn.iter().map(of).sum::<f64>() / self.drawn.len() as f64
+    fn drawn_with(&self, alpha: f64, (half, _): &(Half, f64)) -> f64 {
+        gauss(alpha, half) / (4.0 * half.cos_b * half.cos.powi(3))
     }
 
-    fn slope(&self, entry: usize) -> f64 {
-        self.roughness.at(entry)
+    fn slope(&self, alpha: f64) -> f64 {
+        alpha
     }
 }
 
@@ -138,9 +102,10 @@ impl Gloss for Lobe {
 mod tests {
     use super::*;
     use crate::composite::Nothing;
+    use crate::spectral::OnGrid;
 
     fn albedo(form: Form, degree: f64) -> f64 {
-        let lobe = Lobe::new(form, OnGrid::new(vec![0.2]), vec![1.0]);
+        let lobe = ScaledLobe::new(form, OnGrid::new(vec![0.2]), vec![1.0]);
         let mut rho = [0.0];
         let model = Composite::new(Nothing, lobe, 1, true, Energy::Conserved);
         model.albedo(LocalDir::from_polar(degree.to_radians(), 0.0), &mut rho);
