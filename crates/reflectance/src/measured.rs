@@ -49,25 +49,23 @@ pub const MODEL: Model<dyn Bsdf> = Model {
 };
 
 fn bind(args: &Args, grid: &SpectralGrid) -> Result<Arc<dyn Bsdf>, BindError> {
-    let scans = match (args.table("table"), args.table("in_plane")) {
+    let (param, table) = match (args.table("table"), args.table("in_plane")) {
         (Some(_), Some(_)) => {
             return Err(BindError::of_block("S05", "`table` and `in_plane` exclude each other"));
         }
-        (Some(table), None) => {
-            Scans { shape: Shape::Full(full("table", table)?), spectra: spectra("table", table, grid)? }
-        }
-        (None, Some(table)) => {
-            let bivariate = args.word("extension") != Some("cosine");
-            let shape = Shape::InPlane { lights: in_plane("in_plane", table)?, bivariate };
-            Scans { shape, spectra: spectra("in_plane", table, grid)? }
-        }
+        (Some(table), None) => ("table", table),
+        (None, Some(table)) => ("in_plane", table),
         (None, None) => {
             return Err(BindError::of_block("S05", "`measured` needs a `table` or an `in_plane` table")
                 .help("columns incident_zenith, view_zenith, relative_azimuth and brf"));
         }
     };
-    let param = if args.table("table").is_some() { "table" } else { "in_plane" };
-    let mut scans = scans;
+    let keyed = keyed(param, table)?;
+    let shape = match param {
+        "table" => Shape::Full(full(&keyed.rows[0])),
+        _ => Shape::InPlane { lights: in_plane(&keyed.rows[0]), bivariate: args.word("extension") != Some("cosine") },
+    };
+    let mut scans = Scans { shape, spectra: spectra(param, &keyed, grid)? };
     if let (Some(true), Some(total)) = (args.switch("scaled"), args.spectral("reflectance")) {
         scale(&mut scans, &reflectance_on("reflectance", total, grid)?);
     }
@@ -211,8 +209,7 @@ fn keyed(param: &'static str, table: &Table) -> Result<Keyed, BindError> {
 }
 
 /// f of each row \[sr⁻¹\] on the grid.
-fn spectra(param: &'static str, table: &Table, grid: &SpectralGrid) -> Result<Vec<Vec<f64>>, BindError> {
-    let keyed = keyed(param, table)?;
+fn spectra(param: &'static str, keyed: &Keyed, grid: &SpectralGrid) -> Result<Vec<Vec<f64>>, BindError> {
     let value = |key: usize, row: usize| keyed.rows[key][row].last().copied().unwrap_or(0.0) / PI;
     let n_rows = keyed.rows[0].len();
     match &keyed.keys[0] {
@@ -261,19 +258,17 @@ fn grouped(rows: &[Vec<f64>], of: &[usize], column: usize) -> Nodes<Vec<usize>> 
     nodes
 }
 
-fn full(param: &'static str, table: &Table) -> Result<Nodes<Nodes<Nodes<usize>>>, BindError> {
-    let rows = &keyed(param, table)?.rows[0];
+fn full(rows: &[Vec<f64>]) -> Nodes<Nodes<Nodes<usize>>> {
     let all: Vec<usize> = (0..rows.len()).collect();
     let azimuths = |of: &[usize]| -> Nodes<usize> { of.iter().map(|row| (rows[*row][2], *row)).collect() };
     let views = |of: &[usize]| grouped(rows, of, 1).into_iter().map(|(t, of)| (t, azimuths(&of))).collect();
-    Ok(grouped(rows, &all, 0).into_iter().map(|(t, of)| (t, views(&of))).collect())
+    grouped(rows, &all, 0).into_iter().map(|(t, of)| (t, views(&of))).collect()
 }
 
-fn in_plane(param: &'static str, table: &Table) -> Result<Nodes<Nodes<usize>>, BindError> {
-    let rows = &keyed(param, table)?.rows[0];
+fn in_plane(rows: &[Vec<f64>]) -> Nodes<Nodes<usize>> {
     let all: Vec<usize> = (0..rows.len()).collect();
     let views = |of: &[usize]| -> Nodes<usize> { of.iter().map(|row| (rows[*row][1], *row)).collect() };
-    Ok(grouped(rows, &all, 0).into_iter().map(|(t, of)| (t, views(&of))).collect())
+    grouped(rows, &all, 0).into_iter().map(|(t, of)| (t, views(&of))).collect()
 }
 
 /// The nodes beside an angle and their weights; the end nodes hold.
@@ -496,6 +491,12 @@ mod tests {
         SpectralGrid::from_edges(&[0.5, 0.6])
     }
 
+    fn in_plane_scans(given: &Table, bivariate: bool) -> Scans {
+        let keyed = keyed("in_plane", given).unwrap();
+        let shape = Shape::InPlane { lights: in_plane(&keyed.rows[0]), bivariate };
+        Scans { shape, spectra: spectra("in_plane", &keyed, &grid()).unwrap() }
+    }
+
     fn value(scans: &Scans, incident: LocalDir, outgoing: LocalDir) -> f64 {
         let mut f = 0.0;
         scans.rows(incident, outgoing, |row, weight| f += weight * scans.spectra[row][0]);
@@ -513,8 +514,7 @@ mod tests {
         }
         let given = table(rows.clone());
         for bivariate in [true, false] {
-            let shape = Shape::InPlane { lights: in_plane("in_plane", &given).unwrap(), bivariate };
-            let scans = Scans { shape, spectra: spectra("in_plane", &given, &grid()).unwrap() };
+            let scans = in_plane_scans(&given, bivariate);
             for row in &rows {
                 let incident = LocalDir::from_polar(row[0].to_radians(), 0.3);
                 let turn = if row[1] < 0.0 { PI } else { 0.0 };
@@ -532,10 +532,9 @@ mod tests {
             }
         }
         let given = table(rows.clone());
-        let scans = Scans {
-            shape: Shape::Full(full("table", &given).unwrap()),
-            spectra: spectra("table", &given, &grid()).unwrap(),
-        };
+        let keyed = keyed("table", &given).unwrap();
+        let scans =
+            Scans { shape: Shape::Full(full(&keyed.rows[0])), spectra: spectra("table", &keyed, &grid()).unwrap() };
         for row in rows.iter().filter(|row| row[0] > 0.0 && row[1] > 0.0) {
             let incident = LocalDir::from_polar(row[0].to_radians(), -1.0);
             let outgoing = LocalDir::from_polar(row[1].to_radians(), -1.0 + row[2].to_radians());
@@ -554,8 +553,7 @@ mod tests {
             }
         }
         let given = table(rows);
-        let shape = Shape::InPlane { lights: in_plane("in_plane", &given).unwrap(), bivariate: true };
-        let scans = Scans { shape, spectra: spectra("in_plane", &given, &grid()).unwrap() };
+        let scans = in_plane_scans(&given, true);
         let light = LocalDir::from_polar(45f64.to_radians(), 0.0);
         assert!((value(&scans, light, light.mirrored()) - 1.1).abs() < 1e-6);
     }
@@ -571,8 +569,7 @@ mod tests {
             }
         }
         let given = table(rows);
-        let shape = Shape::InPlane { lights: in_plane("in_plane", &given).unwrap(), bivariate: true };
-        let scans = Scans { shape, spectra: spectra("in_plane", &given, &grid()).unwrap() };
+        let scans = in_plane_scans(&given, true);
         for (light, view, phi) in
             [(30.0_f64, 40.0_f64, 150.0_f64), (20.0, 20.0, 90.0), (50.0, 45.0, 170.0), (10.0, 35.0, 60.0)]
         {
