@@ -61,12 +61,13 @@ impl TileStore {
     }
 }
 
-fn rays(counts: &RayCounts) -> [u64; 7] {
+fn rays(counts: &RayCounts) -> [u64; 8] {
     [
         counts.camera,
         counts.hemisphere,
         counts.mirror,
         counts.sun,
+        counts.caustic,
         counts.sun_turned_away,
         counts.sun_proved_clear,
         counts.hemisphere_open,
@@ -104,11 +105,11 @@ fn decode(bytes: &[u8]) -> Option<TileResult> {
         rest = later;
         images.push(image.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect::<Vec<f32>>());
     }
-    let mut counts = [0; 7];
+    let mut counts = [0; 8];
     for count in &mut counts {
         *count = number(&mut rest)?;
     }
-    let [camera, hemisphere, mirror, sun, sun_turned_away, sun_proved_clear, hemisphere_open] = counts;
+    let [camera, hemisphere, mirror, sun, caustic, sun_turned_away, sun_proved_clear, hemisphere_open] = counts;
     let mut images = images.into_iter();
     let mut next = || images.next().unwrap_or_default();
     Some(TileResult {
@@ -118,7 +119,16 @@ fn decode(bytes: &[u8]) -> Option<TileResult> {
         lit: next(),
         truth: next(),
         samples: next(),
-        rays: RayCounts { camera, hemisphere, mirror, sun, sun_turned_away, sun_proved_clear, hemisphere_open },
+        rays: RayCounts {
+            camera,
+            hemisphere,
+            mirror,
+            sun,
+            caustic,
+            sun_turned_away,
+            sun_proved_clear,
+            hemisphere_open,
+        },
     })
 }
 

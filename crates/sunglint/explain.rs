@@ -107,11 +107,12 @@ fn band(run: &Run, terms: &PixelTerms, hit: Option<&Hit>, outgoing: WorldDir, ti
     list.push(("path_transmittance", path_transmittance));
     list.push(("path_radiance", terms.upwelled[c]));
     if let Some(hit) = hit {
-        let split = run.scenery.surface(hit.material).bsdf.split();
+        let split = &run.scenery.surface(hit.material).split;
         let theta = hit.normal.dot(outgoing.vec()).clamp(0.0, 1.0).acos();
+        let of_nodes = |spectrum: &[f64]| run.nodes.mean(&run.traced, c, spectrum);
         let component = |table: &sunglint_reflectance::AngularSpectra| {
             let nodes = table.weights(theta);
-            nodes.iter().map(|(node, weight)| weight * fold(table.spectrum(*node))).sum::<f64>()
+            nodes.iter().map(|(node, weight)| weight * of_nodes(table.spectrum(*node))).sum::<f64>()
         };
         list.push(("sky_view_factor", terms.sky_view));
         list.push(("sun_visible", terms.lit));

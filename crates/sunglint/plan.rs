@@ -17,7 +17,7 @@ use sunglint_plugin::{BindError, SpectralValue, Value};
 use sunglint_radiometry::{Channels, SpectralGrid};
 use sunglint_reflectance::Bsdf;
 use sunglint_sensor::{Band, Camera, Ccd};
-use sunglint_tracer::{Algorithm, Illumination, Scenery, Surface, Tile};
+use sunglint_tracer::{Algorithm, Illumination, Lighting, Lights, Nodes, Scenery, Surface, Tile, spectra_of, split_at};
 
 use crate::air::Air;
 use crate::products::MapProjection;
@@ -114,6 +114,10 @@ pub struct Run {
     pub convergence: f64,
     /// Geometry and surfaces.
     pub scenery: Scenery,
+    /// The wavelengths that stand for each channel.
+    pub nodes: Nodes,
+    /// By material id, the model that it takes, on the spectral grid.
+    pub bsdfs: Vec<Option<Arc<dyn Bsdf>>>,
     /// The radiance algorithm.
     pub algorithm: Arc<dyn Algorithm>,
     /// Its name.
@@ -122,6 +126,8 @@ pub struct Run {
     pub atmosphere_name: String,
     /// The light of each time.
     pub light: Vec<Arc<Illumination>>,
+    /// The same as the channels see it.
+    pub lights: Vec<Lights>,
     /// How accurate; under `time` the least, [`Run::samples_within`] gives what fits.
     pub accuracy: sunglint_tracer::Accuracy,
     /// Seconds that rendering may take, under `time`.
@@ -267,6 +273,7 @@ impl Draft {
                 run.air_notes.push(note);
             }
         }
+        run.lights = light.iter().map(|time| Lights::new(time.clone(), &run.traced, &run.nodes)).collect();
         (run.light, run.columns_solved) = (light, columns);
         (order, run)
     }
@@ -505,11 +512,12 @@ impl<'s> Planner<'s, '_> {
             false => (channels.clone(), None),
         };
 
-        let scenery = self.surfaces(experiment, &grid, world, &mut shared.surfaces);
+        let bsdfs = self.bsdfs(experiment, &grid, &mut shared.surfaces);
         if has_error(&self.diagnostics[before..]) {
             return None;
         }
-        let scenery = scenery?;
+        let bsdfs = bsdfs?;
+        let (nodes, scenery) = self.scenery(experiment, &algorithm.lighting(), &grid, &traced, &bsdfs, world, shared)?;
         let mut needs = match self.options.whole_sky {
             true => Needs {
                 direct_beam: true,
@@ -524,7 +532,7 @@ impl<'s> Planner<'s, '_> {
         let level = self.options.whole_sky.then_some(0.0);
         needs.path_heights = needs.path.then(|| path_heights(world, camera.as_ref(), level));
         let albedo = match algorithm.lighting().adjacency {
-            true => ground_albedo(scene, world, &scenery, grid.len()),
+            true => ground_albedo(scene, world, &bsdfs, grid.len()),
             false => vec![0.0; grid.len()],
         };
         let sky = self.sky_order(experiment, provider.clone(), &moments, &grid, needs, &albedo);
@@ -572,10 +580,13 @@ impl<'s> Planner<'s, '_> {
             map,
             convergence: scene.site.map_or(0.0, |site| site.convergence),
             scenery,
+            nodes,
+            bsdfs,
             algorithm,
             algorithm_name: experiment.algorithm.name.clone(),
             atmosphere_name: experiment.atmosphere.name.clone(),
             light: Vec::new(),
+            lights: Vec::new(),
             accuracy,
             budget,
             seed: experiment.seed,
@@ -676,19 +687,19 @@ impl<'s> Planner<'s, '_> {
         }
     }
 
-    fn surfaces(
+    /// The models that an experiment uses, on a grid.
+    fn bsdfs(
         &mut self,
         experiment: &Experiment,
         grid: &SpectralGrid,
-        world: &Arc<World>,
         known: &mut HashMap<blake3::Hash, Arc<dyn Bsdf>>,
-    ) -> Option<Scenery> {
+    ) -> Option<Vec<Option<Arc<dyn Bsdf>>>> {
         let scene = self.scene;
         let grid_key = blake3::hash(format!("{grid:?}").as_bytes());
-        let mut surfaces = Vec::new();
+        let mut bsdfs = Vec::new();
         for (m, material) in scene.materials.iter().enumerate() {
             let Some(chosen) = experiment.models[m].filter(|_| material.used) else {
-                surfaces.push(None);
+                bsdfs.push(None);
                 continue;
             };
             let use_ = &material.models[chosen];
@@ -698,15 +709,51 @@ impl<'s> Planner<'s, '_> {
                 None => self.bind(use_, sunglint_reflectance::BUILTIN, grid),
             };
             known.extend(bound.iter().map(|bound| (key, bound.clone())));
-            let emission = match material.emission.as_ref().filter(|value| !value.is_zero()).map(|value| value.on(grid))
-            {
-                Some(Ok(values)) => Some(values.into()),
-                _ => None,
-            };
-            surfaces.push(bound.map(|bsdf| Surface::new(bsdf, emission, material.code)));
+            bsdfs.push(bound);
         }
-        let complete = (scene.materials.iter().zip(&surfaces)).all(|(m, surface)| !m.used || surface.is_some());
-        complete.then(|| Scenery { world: world.clone(), surfaces })
+        (scene.materials.iter().zip(&bsdfs)).all(|(m, bsdf)| !m.used || bsdf.is_some()).then_some(bsdfs)
+    }
+
+    /// The nodes for the models' spectra, and the world with the models bound there.
+    #[allow(clippy::too_many_arguments)]
+    fn scenery(
+        &mut self,
+        experiment: &Experiment,
+        lighting: &Lighting,
+        grid: &SpectralGrid,
+        channels: &Channels,
+        bsdfs: &[Option<Arc<dyn Bsdf>>],
+        world: &Arc<World>,
+        shared: &mut Shared,
+    ) -> Option<(Nodes, Scenery)> {
+        let scene = self.scene;
+        let emissions: Vec<Option<Vec<f64>>> = (scene.materials.iter().zip(bsdfs))
+            .map(|(material, bsdf)| {
+                let emission = material.emission.as_ref().filter(|value| bsdf.is_some() && !value.is_zero())?;
+                emission.on(grid).ok()
+            })
+            .collect();
+        let nodes = match lighting.band_means {
+            true => Nodes::means(channels),
+            false => {
+                let mut spectra: Vec<Vec<f64>> = emissions.iter().flatten().cloned().collect();
+                spectra.extend(bsdfs.iter().flatten().flat_map(|bsdf| spectra_of(bsdf.as_ref(), grid.len())));
+                Nodes::new(grid, channels, spectra.iter().map(Vec::as_slice))
+            }
+        };
+        let at_nodes = self.bsdfs(experiment, &grid.picked(nodes.entries()), &mut shared.surfaces)?;
+        let surfaces = (scene.materials.iter().zip(bsdfs).zip(at_nodes).zip(emissions))
+            .map(|(((material, bsdf), at_nodes), emission)| {
+                let at_nodes = at_nodes?;
+                let split = match nodes.are_means() {
+                    true => split_at(&nodes, channels, bsdf.as_ref()?.split()),
+                    false => at_nodes.split().clone(),
+                };
+                let emission = emission.map(|emission| nodes.of(channels, &emission).into());
+                Some(Surface::new(at_nodes, split, emission, material.code))
+            })
+            .collect();
+        Some((nodes, Scenery::new(world.clone(), surfaces)))
     }
 
     /// Hash of everything that the frames of a run depend on: the program, every file, the options, the run's names.

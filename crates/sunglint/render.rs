@@ -151,7 +151,7 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
                 RenderError::Write { path: out.to_path_buf(), source }
             })?;
             let rays = &result.rays;
-            progress.tile(false, rays.camera + rays.hemisphere + rays.mirror + rays.sun);
+            progress.tile(false, rays.cast());
             Ok(result.rays)
         })
         .collect();
@@ -562,6 +562,7 @@ pub fn rays_json(rays: &RayCounts) -> Value {
         "sun": rays.sun,
         "sun_skipped_turned_away": rays.sun_turned_away,
         "sun_skipped_proved_clear": rays.sun_proved_clear,
+        "caustic": rays.caustic,
         "hemisphere_skipped_open": rays.hemisphere_open,
     })
 }

@@ -133,7 +133,8 @@ impl Mesh {
     pub(crate) fn facet_of(&self, triangle: u32) -> u32 {
         self.polygons.as_ref().map_or(triangle, |p| p.facet_of[triangle as usize])
     }
-    pub(crate) fn material(&self, facet: usize) -> MaterialId {
+    /// Material of a facet.
+    pub fn material(&self, facet: usize) -> MaterialId {
         self.materials.get(facet).or(self.materials.last()).copied().unwrap_or(MaterialId(0))
     }
     pub(crate) fn ring(&self, facet: usize) -> &[u32] {

@@ -106,6 +106,11 @@ impl Channels {
         (self.rows[c].0, &self.rows[c].1)
     }
 
+    /// The runs of grid entries of one wavelength that channel `c` weighs.
+    pub fn runs(&self, c: usize) -> &[Range<usize>] {
+        &self.runs[c]
+    }
+
     /// Response-weighted means of a spectrum: fills `out`, one value per channel.
     pub fn fold(&self, spectrum: &[f64], out: &mut [f64]) {
         for (out, (first, weights)) in out.iter_mut().zip(&self.rows) {
@@ -128,6 +133,14 @@ impl Channels {
             }));
         }
         sums
+    }
+
+    /// [`summed`](Self::summed) light of 1: the share of each wavelength in its channel's mean.
+    pub fn shares(&self) -> Vec<f64> {
+        let of_channel = |((first, weights), runs): (&(usize, Vec<f64>), &Vec<Range<usize>>)| -> Vec<f64> {
+            runs.iter().map(|run| weights[run.start - first..run.end - first].iter().sum()).collect()
+        };
+        self.rows.iter().zip(&self.runs).flat_map(of_channel).collect()
     }
 
     /// A spectrum that does not depend on g at the wavelengths of each channel, channel after channel.

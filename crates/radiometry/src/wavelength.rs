@@ -113,6 +113,17 @@ impl SpectralGrid {
         Self::new(edges.windows(2).map(bin).collect(), Vec::new())
     }
 
+    /// Some entries of this grid, in the order given, with the bins and bands of all: what a spectrum is at an entry it is
+    /// there too.
+    #[must_use]
+    pub fn picked(&self, entries: &[usize]) -> Self {
+        Self {
+            bins: self.bins.clone(),
+            entries: entries.iter().map(|i| self.entries[*i]).collect(),
+            bands: self.bands.clone(),
+        }
+    }
+
     /// Number of entries: the length of every spectrum on this grid.
     pub fn len(&self) -> usize {
         self.entries.len()

@@ -35,6 +35,11 @@ pub(crate) trait Part: Send + Sync {
         shapes.fill(0.0);
     }
 
+    /// ρ of a body whose f is ρ/π.
+    fn lambertian(&self) -> Option<&[f64]> {
+        None
+    }
+
     /// An incident direction for a body; it may lie below the surface, and `None` is a draw without one.
     fn sample(&self, outgoing: LocalDir, u: [f64; 2]) -> Option<LocalDir> {
         let _ = outgoing;
@@ -145,6 +150,9 @@ impl Part for Lambert {
     }
     fn add(&self, _: LocalDir, _: LocalDir, f: &mut [f64]) {
         f.iter_mut().zip(&self.terms[0]).for_each(|(f, rho)| *f += rho / PI);
+    }
+    fn lambertian(&self) -> Option<&[f64]> {
+        Some(&self.terms[0])
     }
     fn terms(&self) -> Option<&[Vec<f64>]> {
         Some(&self.terms)
@@ -485,6 +493,21 @@ impl<B: Part, G: Gloss> Bsdf for Composite<B, G> {
 
     fn mirror_probability(&self, outgoing: LocalDir) -> f64 {
         if self.lobes.mirror && outgoing.cos() > 0.0 { self.choice(outgoing)[2] } else { 0.0 }
+    }
+
+    fn lambertian(&self, outgoing: LocalDir, rho: &mut [f64]) -> f64 {
+        // A lobe that its own draws do not reach needs those of the body.
+        let apart = outgoing.cos() > 0.0 && self.body.is_present() && (!self.lobes.glossy || self.gloss.covers());
+        match self.body.lambertian().filter(|_| apart) {
+            Some(of_body) => {
+                rho.copy_from_slice(of_body);
+                self.choice(outgoing)[0]
+            }
+            None => {
+                rho.fill(0.0);
+                0.0
+            }
+        }
     }
 
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {

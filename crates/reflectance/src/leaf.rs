@@ -115,6 +115,15 @@ impl Bsdf for Leaf {
         (incident.cos() != 0.0).then(|| Sample { incident, mirror: false, pdf: self.pdf(incident, outgoing) })
     }
 
+    fn lambertian(&self, outgoing: LocalDir, rho: &mut [f64]) -> f64 {
+        if outgoing.cos() <= 0.0 || !self.lobes.diffuse {
+            rho.fill(0.0);
+            return 0.0;
+        }
+        rho.copy_from_slice(&self.terms[0]);
+        1.0 - self.through
+    }
+
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         if outgoing.cos() <= 0.0 || self.lobes == Lobes::default() {
             return 0.0;

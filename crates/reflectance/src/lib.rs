@@ -169,6 +169,15 @@ pub trait Bsdf: Send + Sync {
         0.0
     }
 
+    /// The part of f that does not depend on where light comes from: fills `rho` with its reflectance seen along `outgoing`, so
+    /// that f = ρ/π + the rest for light from above. `sample` draws from it, cosine-weighted, where its third number is no
+    /// less than 1 − p; p is returned, 0 where a model has no such part.
+    fn lambertian(&self, outgoing: LocalDir, rho: &mut [f64]) -> f64 {
+        let _ = outgoing;
+        rho.fill(0.0);
+        0.0
+    }
+
     /// Density of `sample` \[sr⁻¹\] over the smooth lobes.
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64;
 

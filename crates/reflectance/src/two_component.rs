@@ -101,6 +101,15 @@ impl Bsdf for TwoComponent {
         if self.lobes.mirror && outgoing.cos() > 0.0 { self.specular_choice(outgoing.theta()) } else { 0.0 }
     }
 
+    fn lambertian(&self, outgoing: LocalDir, rho: &mut [f64]) -> f64 {
+        if outgoing.cos() <= 0.0 || !self.lobes.diffuse {
+            rho.fill(0.0);
+            return 0.0;
+        }
+        self.split.diffuse.fill(outgoing.theta(), rho);
+        1.0 - self.specular_choice(outgoing.theta())
+    }
+
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         if incident.cos() <= 0.0 || outgoing.cos() <= 0.0 || self.lobes == Lobes::default() {
             return 0.0;

@@ -99,7 +99,7 @@ impl Progress for Bar {
             return;
         }
         let rays = &rendered.rays;
-        let cast = rays.camera + rays.hemisphere + rays.mirror + rays.sun;
+        let cast = rays.cast();
         let samples = match rendered.timed_samples {
             Some(n) => format!(", {n} samples a pixel"),
             None => String::new(),

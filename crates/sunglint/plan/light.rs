@@ -10,8 +10,9 @@ use sunglint_dsl::{Diagnostic, Scene, Span, list};
 use sunglint_geometry::{FacetId, MaterialId, World};
 use sunglint_plugin::{Args, SpectralValue, Value};
 use sunglint_radiometry::{LocalDir, SpectralGrid};
+use sunglint_reflectance::Bsdf;
 use sunglint_sensor::Camera;
-use sunglint_tracer::{Illumination, Scenery};
+use sunglint_tracer::Illumination;
 
 use super::{Planner, Skip};
 use crate::air::Air;
@@ -288,10 +289,10 @@ pub(super) fn path_heights(world: &World, camera: &dyn Camera, level: Option<f64
 
 /// The albedo that the atmosphere sees: the ground's, or without one the area-weighted mean of the facets that face up.
 /// Bihemispherical, 2 ∫ ρ(θ) cos θ sin θ dθ, by the midpoints of equal steps of sin² θ.
-pub(super) fn ground_albedo(scene: &Scene, world: &World, scenery: &Scenery, n: usize) -> Vec<f64> {
+pub(super) fn ground_albedo(scene: &Scene, world: &World, bsdfs: &[Option<Arc<dyn Bsdf>>], n: usize) -> Vec<f64> {
     const STEPS: usize = 16;
     let of_material = |material: MaterialId| {
-        let bsdf = &scenery.surface(material).bsdf;
+        let bsdf = bsdfs[material.0 as usize].as_ref().expect("every material in use is bound");
         let at = |i: usize| {
             let theta = ((i as f64 + 0.5) / STEPS as f64).sqrt().asin();
             let mut rho = vec![0.0; n];

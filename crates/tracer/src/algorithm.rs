@@ -11,6 +11,8 @@ use crate::{Paths, Scenery, Stream};
 pub struct Lighting {
     /// The sun is a disk (else a point).
     pub sun_disk: bool,
+    /// The disk darkens towards its limb.
+    pub limb_darkening: bool,
     /// Quantities are averaged over each band before they are multiplied (else products are formed per grid entry and
     /// averaged once, last).
     pub band_means: bool,
@@ -37,4 +39,4 @@ pub trait Algorithm: Send + Sync {
 }
 
 /// The algorithms of this build.
-pub const BUILTIN: &[Model<dyn Algorithm>] = &[crate::published::IDEAL, crate::published::SPLIT];
+pub const BUILTIN: &[Model<dyn Algorithm>] = &[crate::published::IDEAL, crate::published::SPLIT, crate::full::FULL];

@@ -1,8 +1,6 @@
 //! The light of one time, prepared for a grid.
 
-use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_2, PI};
-use std::sync::RwLock;
 
 use glam::DVec3;
 use sunglint_atmosphere::{SkyState, Sun};
@@ -20,8 +18,6 @@ pub struct Illumination {
     pub beam: Vec<f64>,
     /// L_dsky = E_d / π per grid entry \[W m⁻² sr⁻¹ µm⁻¹\].
     pub mean_sky: Vec<f64>,
-    /// Irradiance of an open facet / π, as weights of the sky terms, by the bits of its normal.
-    open: RwLock<HashMap<[u64; 3], Vec<f64>>>,
 }
 
 impl Illumination {
@@ -43,7 +39,6 @@ impl Illumination {
             sky,
             beam,
             mean_sky,
-            open: RwLock::default(),
         }
     }
 
@@ -57,22 +52,12 @@ impl Illumination {
         self.sun.is_none() && self.mean_sky.iter().all(|l| *l == 0.0)
     }
 
-    /// Adds to `weights` what the sky terms weigh in ∫ L_d cos θ dω / π over the part of the sky that a facet of this
-    /// normal sees when only the horizon obstructs it.
-    pub(crate) fn open_sky(&self, normal: DVec3, mut add: impl FnMut(u32, f64)) {
-        let key = normal.to_array().map(f64::to_bits);
-        if let Some(found) = self.open.read().expect("no holder of this lock panics").get(&key) {
-            found.iter().enumerate().for_each(|(k, w)| add(k as u32, *w));
-            return;
-        }
-        let fresh = self.integrate_open_sky(normal);
-        fresh.iter().enumerate().for_each(|(k, w)| add(k as u32, *w));
-        self.open.write().expect("no holder of this lock panics").insert(key, fresh);
-    }
-
+    /// What each of the sky's terms weighs in ∫ L_d cos θ dω / π over the part of the sky that a facet of this normal sees when
+    /// only the horizon obstructs it.
+    ///
     /// Gauss–Legendre over zenith and azimuth; the azimuth limits follow the facet's plane, and the zenith is split and
     /// stretched where they begin to close, so that smooth skies converge to rounding.
-    fn integrate_open_sky(&self, normal: DVec3) -> Vec<f64> {
+    pub(crate) fn open_sky(&self, normal: DVec3) -> Vec<f64> {
         const N: usize = 48;
         let mut sums = vec![0.0; self.sky.sky_terms().len()];
         let tilt = normal.truncate().length().atan2(normal.z);
@@ -174,9 +159,7 @@ mod tests {
         for degrees in [0.0, 1e-3, 10.0, 45.0, 89.999, 90.0, 120.0, 175.0, 180.0f64] {
             let beta = degrees.to_radians();
             let normal = DVec3::new(beta.sin() * 0.6, beta.sin() * 0.8, beta.cos());
-            let mut e = [0.0; 2];
-            under(true).open_sky(normal, |_, w| e[0] += PI * w);
-            under(false).open_sky(normal, |_, w| e[1] += PI * w);
+            let e = [true, false].map(|overcast| PI * under(overcast).open_sky(normal)[0]);
             let tilted = beta.sin() + (PI - beta) * beta.cos();
             let overcast = (PI * (1.0 + beta.cos()) / 2.0 + 4.0 / 3.0 * tilted) / 3.0;
             let uniform = PI * (1.0 + beta.cos()) / 2.0;

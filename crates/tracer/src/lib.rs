@@ -2,13 +2,19 @@
 //! traced once.
 //!
 //! A view (one sensor, all its times) is rendered tile by tile. Within a tile, blocks of pixels are traced by an
-//! [`Algorithm`] into [`Paths`]: vertices, escapes to the sky, and chains of reflectances, none of which depends on a
-//! time or a wavelength. Each time then lights the same paths, and channels are folded before mean and variance are
-//! formed.
+//! [`Algorithm`] into [`Paths`]: vertices, escapes to the sky, and products of reflectances at the [`Nodes`] of the channels,
+//! none of which depends on a time. Each time then lights the same paths, and channels are folded before mean and variance
+//! are formed.
 
 mod algorithm;
+mod full;
+mod hemisphere;
 mod illumination;
+mod lamp;
 mod light;
+mod limb;
+mod mirrors;
+mod nodes;
 mod paths;
 mod published;
 mod render;
@@ -18,9 +24,12 @@ mod sightline;
 
 pub use algorithm::{Algorithm, BUILTIN, Lighting};
 pub use illumination::Illumination;
+pub use lamp::Lights;
 pub use light::Term;
+pub use nodes::Nodes;
 pub use paths::{Paths, RayCounts};
+pub use full::FULL;
 pub use published::{Approximations, IDEAL, SPLIT};
 pub use render::{Accuracy, PixelTerms, Tile, TileResult, View, render_pixel_terms, render_tile, tiles};
 pub use sampler::Stream;
-pub use scenery::{Scenery, Surface};
+pub use scenery::{Scenery, Surface, spectra_of, split_at};

@@ -2,15 +2,17 @@
 
 use std::f64::consts::PI;
 use std::ops::Range;
+use std::sync::Arc;
 
 use glam::DVec3;
 use rustc_hash::FxHashMap;
-use sunglint_atmosphere::Path;
 use sunglint_radiometry::{Channels, Frame, LocalDir, REPLICATES, WorldDir};
 
-use crate::paths::{ChainId, FacetGroup, GlintLaw, Paths, RayCounts, Record, Source, Vertex};
-use crate::sightline::Shares;
-use crate::{Illumination, Lighting, Scenery};
+use crate::lamp::{Lamp, OfKnot};
+use crate::mirrors::{Image, mirrored};
+use crate::paths::{FacetGroup, GlintLaw, Paths, RayCounts, Source, SpectrumId, Vertex};
+use crate::sightline::{Knot, Lattice, Shares};
+use crate::{Illumination, Lighting, Lights, Nodes, Scenery, limb};
 
 /// Where a part of a pixel's radiance comes from, as `explain` names it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -29,13 +31,15 @@ pub enum Term {
     SpecularBackground,
     /// Emitted by the target.
     Emission,
+    /// Sun by way of one or two planar mirrors.
+    Caustic,
     /// Sky or sun looked at directly.
     SkyDirect,
 }
 
 impl Term {
     /// All terms, in order of output.
-    pub const ALL: [Term; 8] = [
+    pub const ALL: [Term; 9] = [
         Term::DiffuseSun,
         Term::DiffuseSky,
         Term::DiffuseBackground,
@@ -43,6 +47,7 @@ impl Term {
         Term::SpecularSky,
         Term::SpecularBackground,
         Term::Emission,
+        Term::Caustic,
         Term::SkyDirect,
     ];
 
@@ -56,71 +61,109 @@ impl Term {
             Self::SpecularSky => "specular_sky",
             Self::SpecularBackground => "specular_background",
             Self::Emission => "emission",
+            Self::Caustic => "caustic",
             Self::SkyDirect => "sky_direct",
         }
     }
 }
 
+/// How the sun stands to the points of a group.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Standing {
+    /// All are lit, at this cos θ_s.
+    Lit(f64),
+    /// None is.
+    Dark,
+    /// Each for itself.
+    Mixed,
+}
+
 /// How the sun stands to the vertices of a block at one time.
-pub(crate) struct SunLight {
+struct SunLight {
+    /// By group.
+    groups: Vec<Standing>,
     /// I: 1 where the sun is seen, else 0. Of a disk one point is drawn per vertex.
-    pub visible: Vec<f64>,
-    /// cos θ_s, 0 where the surface is turned away.
-    pub cos: Vec<f64>,
+    visible: Vec<f64>,
+    /// cos θ_s, below 0 where light passes through the surface from behind, 0 where it is turned away.
+    cos: Vec<f64>,
+    /// Whether something hides the sun.
+    shaded: Vec<bool>,
+}
+
+/// The point of the sun that a vertex sees: its middle, or a point of the disk.
+fn sun_of(vertex: &Vertex, time: &Illumination, sun: WorldDir, frame: &Frame, disk: bool) -> WorldDir {
+    if !disk {
+        return sun;
+    }
+    let r = time.sun_radius.sin();
+    let [x, y] = vertex.disk.map(|c| c * r);
+    frame.to_world(LocalDir::from_unit(DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())))
 }
 
 /// Casts the sun rays of a block, save those that are proved unnecessary.
-pub(crate) fn sun_light(
-    scenery: &Scenery,
-    paths: &Paths,
-    groups: &[FacetGroup],
-    time: &Illumination,
-    disk: bool,
-) -> (SunLight, RayCounts) {
+fn sun_light(block: &Block<'_>, time: &Illumination) -> (SunLight, RayCounts) {
+    let Block { scenery, paths, groups, lighting, .. } = block;
+    let disk = lighting.sun_disk;
     let n = paths.vertices.len();
-    let (mut visible, mut cos) = (vec![0.0; n], vec![0.0; n]);
+    let mut light = SunLight {
+        groups: vec![Standing::Mixed; groups.len()],
+        visible: vec![0.0; n],
+        cos: vec![0.0; n],
+        shaded: vec![false; n],
+    };
     let mut rays = RayCounts::default();
     let Some(sun) = time.sun else {
         rays.sun_turned_away += n as u64;
-        return (SunLight { visible, cos }, rays);
+        light.groups.fill(Standing::Dark);
+        return (light, rays);
     };
     let frame = Frame::about(sun.vec());
-    let towards = |vertex: &Vertex| {
-        if !disk {
-            return sun;
-        }
-        let r = time.sun_radius.sin();
-        let [x, y] = vertex.disk.map(|c| c * r);
-        frame.to_world(LocalDir::from_unit(DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())))
-    };
-    let mut proved = vec![false; n];
-    for group in groups {
-        let spread = if disk { time.sun_radius } else { 0.0 };
-        let lit_side = group.normal.dot(sun.vec()) > spread.sin();
-        if lit_side
+    let spread = if disk { time.sun_radius } else { 0.0 };
+    let rises = sun.cos_zenith() > spread.sin();
+    for (standing, group) in light.groups.iter_mut().zip(groups) {
+        let through = block.passes(group);
+        let mu = group.normal.dot(sun.vec());
+        if mu <= -spread.sin() && !through {
+            rays.sun_turned_away += group.members.len() as u64;
+            *standing = Standing::Dark;
+        } else if mu > spread.sin()
+            && rises
             && group.members.len() > 2
             && scenery.world.shaft_is_clear(group.lo, group.hi, group.anchor, group.normal, sun, spread)
         {
-            group.members.iter().for_each(|i| proved[*i as usize] = true);
+            // The whole disk shines on the facet: its irradiance is E_n cos θ_s.
+            rays.sun_proved_clear += group.members.len() as u64;
+            *standing = Standing::Lit(mu);
+            for i in &group.members {
+                (light.visible[*i as usize], light.cos[*i as usize]) = (1.0, mu);
+            }
         }
     }
-    for (i, vertex) in paths.vertices.iter().enumerate() {
-        let direction = towards(vertex);
+    for ((i, vertex), group) in paths.vertices.iter().enumerate().zip(&block.of_vertices) {
+        if light.groups[*group as usize] != Standing::Mixed {
+            continue;
+        }
+        let direction = sun_of(vertex, time, sun, &frame, disk);
         let mu = vertex.hit.normal.dot(direction.vec());
-        if mu <= 0.0 || direction.cos_zenith() <= 0.0 {
+        let turned_away = mu <= 0.0 && !block.passes(&groups[*group as usize]);
+        if turned_away || direction.cos_zenith() <= 0.0 {
             rays.sun_turned_away += 1;
             continue;
         }
-        cos[i] = mu;
-        if proved[i] {
-            rays.sun_proved_clear += 1;
-            visible[i] = 1.0;
-        } else {
-            rays.sun += 1;
-            visible[i] = f64::from(u8::from(!scenery.world.occluded(&vertex.hit.leave(direction))));
-        }
+        light.cos[i] = mu;
+        rays.sun += 1;
+        light.shaded[i] = scenery.world.occluded(&vertex.hit.leave(direction));
+        light.visible[i] = f64::from(u8::from(!light.shaded[i]));
     }
-    (SunLight { visible, cos }, rays)
+    (light, rays)
+}
+
+/// The sun in the planar mirrors that each group may see.
+fn images(block: &Block<'_>, time: &Illumination) -> Vec<Vec<Image>> {
+    let mirrors = &block.scenery.mirrors;
+    let Some(sun) = time.sun.filter(|_| block.has_caustics && !mirrors.is_empty()) else { return Vec::new() };
+    let spread = if block.lighting.sun_disk { time.sun_radius } else { 0.0 };
+    block.groups.iter().map(|group| mirrors.images(group.lo, group.hi, sun.vec(), spread, true)).collect()
 }
 
 /// Solid angle common to two cones about directions `apart` radians from each other, half-angles `a` and `b` \[sr\]. The
@@ -191,104 +234,99 @@ fn glint(
     }
 }
 
-/// A spectrum of light that chains multiply.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Light {
-    Own,
-    Beam,
-    MeanSky,
-    SkyTerm(u32),
-}
-
-impl Light {
-    fn index(self) -> usize {
-        match self {
-            Self::Own => 0,
-            Self::Beam => 1,
-            Self::MeanSky => 2,
-            Self::SkyTerm(k) => 3 + k as usize,
-        }
-    }
-}
-
-/// No node of a line of sight: the light as it leaves the surface, or the sky itself.
-const NO_PATH: u32 = u32::MAX;
-
-/// Weights of one (cluster, term, chain, light) in each replicate.
+/// Records of one pixel that lie together in all but the sample: their sums by replicate.
 #[derive(Clone, Debug)]
-struct Weighted {
-    chain: ChainId,
-    light: Light,
+struct Merged {
     cluster: u8,
     term: Term,
-    replicates: [f64; REPLICATES],
+    kind: Kind,
+    /// Σ weight × spectrum: replicates × nodes.
+    sums: Vec<f64>,
 }
 
-/// Weights of a pixel, found by what they weigh.
-#[derive(Clone, Debug, Default)]
-struct Weights {
-    list: Vec<Weighted>,
-    found: FxHashMap<u64, u32>,
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Kind {
+    Own,
+    MeanSky,
+    OpenSky(DVec3),
+    /// The sun on a group of vertices, where it stands to all alike.
+    Sun { group: u32 },
+    /// The open sky over such a group.
+    Ambient { group: u32, normal: DVec3 },
 }
 
-impl Weights {
-    fn clear(&mut self) {
-        self.list.clear();
-        self.found.clear();
-    }
-
-    fn add(&mut self, cluster: u8, replicate: u8, chain: ChainId, light: Light, term: Term, weight: f64) {
-        if weight == 0.0 {
-            return;
-        }
-        let key = (u64::from(chain) << 32) | ((light.index() as u64) << 16) | (u64::from(cluster) << 8) | term as u64;
-        let fresh = self.list.len() as u32;
-        let slot = *self.found.entry(key).or_insert(fresh);
-        if slot == fresh {
-            self.list.push(Weighted { chain, light, cluster, term, replicates: [0.0; REPLICATES] });
-        }
-        self.list[slot as usize].replicates[replicate as usize] += weight;
-    }
-}
-
-/// What of a pixel's paths does not change with time: records whose weights hold for all times, gathered once, and the
-/// others.
+/// What of a pixel's paths does not change with time, gathered once, and the rest.
 pub(crate) struct PixelLight {
-    steady: Weights,
-    /// Indices of the records that each time lights anew.
+    merged: Vec<Merged>,
+    /// Records of sun and open sky by group: those that count one by one where the sun does not stand to the group alike.
+    of_groups: Vec<(u32, Range<usize>)>,
+    /// Indices of these records, and of all others that each time lights anew.
+    grouped: Vec<u32>,
     changing: Vec<u32>,
 }
 
 impl PixelLight {
     /// Sorts the records of one pixel. With `by_term` the parts of the radiance are kept apart.
-    pub fn new(paths: &Paths, records: Range<usize>, by_term: bool) -> Self {
-        let mut steady = Weights::default();
-        let mut changing = Vec::new();
+    pub fn new(block: &Block<'_>, records: Range<usize>, by_term: bool) -> Self {
+        let paths = block.paths;
+        let n = block.nodes.len();
+        let mut merged: Vec<Merged> = Vec::new();
+        let mut found: FxHashMap<(u8, u8, u8, [u64; 3]), usize> = FxHashMap::default();
+        let (mut changing, mut grouped) = (Vec::new(), Vec::new());
         for (i, record) in records.clone().zip(&paths.records[records]) {
-            let light = match record.source {
-                Source::Own => Light::Own,
-                Source::MeanSky => Light::MeanSky,
+            let (kind, key) = match record.source {
+                Source::Own => (Kind::Own, [0; 3]),
+                Source::MeanSky => (Kind::MeanSky, [0; 3]),
+                Source::OpenSky { normal, unless: None } => {
+                    (Kind::OpenSky(normal), normal.to_array().map(f64::to_bits))
+                }
+                Source::OpenSky { normal, unless: Some(vertex) } => {
+                    grouped.push(i as u32);
+                    let group = block.of_vertices[vertex as usize];
+                    (Kind::Ambient { group, normal }, [u64::from(group), 1, 0])
+                }
+                Source::Sun { vertex } => {
+                    grouped.push(i as u32);
+                    let group = block.of_vertices[vertex as usize];
+                    (Kind::Sun { group }, [u64::from(group), 0, 0])
+                }
                 _ => {
                     changing.push(i as u32);
                     continue;
                 }
             };
             let sample = &paths.samples[record.sample as usize];
-            for (chain, share) in chains(paths, record) {
-                let term = term_of(record, by_term);
-                steady.add(sample.cluster, sample.replicate, chain, light, term, record.weight * share);
-            }
+            let term = term_of(record.term, by_term);
+            let tag = match kind {
+                Kind::Own => 0,
+                Kind::MeanSky => 1,
+                Kind::OpenSky(_) => 2,
+                Kind::Sun { .. } | Kind::Ambient { .. } => 3,
+            };
+            let at = *found.entry((sample.cluster, term as u8, tag, key)).or_insert_with(|| {
+                merged.push(Merged { cluster: sample.cluster, term, kind, sums: vec![0.0; REPLICATES * n] });
+                merged.len() - 1
+            });
+            let row = &mut merged[at].sums[usize::from(sample.replicate) * n..][..n];
+            row.iter_mut().zip(paths.spectrum(record.spectrum)).for_each(|(sum, t)| *sum += record.weight * t);
         }
-        Self { steady, changing }
+        let group_of = |i: &u32| match paths.records[*i as usize].source {
+            Source::Sun { vertex } | Source::OpenSky { unless: Some(vertex), .. } => block.of_vertices[vertex as usize],
+            _ => u32::MAX,
+        };
+        grouped.sort_by_key(group_of);
+        let mut of_groups = Vec::new();
+        let mut start = 0;
+        for run in grouped.chunk_by(|a, b| group_of(a) == group_of(b)) {
+            of_groups.push((group_of(&run[0]), start..start + run.len()));
+            start += run.len();
+        }
+        Self { merged, of_groups, grouped, changing }
     }
 }
 
-fn chains<'a>(paths: &'a Paths, record: &Record) -> impl Iterator<Item = (ChainId, f64)> + use<'a> {
-    paths.chain_list[record.chains.start as usize..record.chains.end as usize].iter().copied()
-}
-
-fn term_of(record: &Record, by_term: bool) -> Term {
-    if by_term { record.term } else { Term::DiffuseSun }
+fn term_of(term: Term, by_term: bool) -> Term {
+    if by_term { term } else { Term::DiffuseSun }
 }
 
 /// One pixel's radiance at one time.
@@ -305,71 +343,78 @@ pub(crate) struct PixelRadiance {
 
 /// What a block of pixels is lit with, whatever the time.
 pub(crate) struct Block<'a> {
-    pub scenery: &'a Scenery,
-    pub paths: &'a Paths,
-    pub channels: &'a Channels,
-    pub lighting: Lighting,
-    /// Vertices by facet.
-    pub groups: Vec<FacetGroup>,
-    /// Where τ₂ and L_u are solved.
-    pub nodes: &'a [Path],
+    scenery: &'a Scenery,
+    paths: &'a Paths,
+    channels: &'a Channels,
+    nodes: &'a Nodes,
+    lighting: Lighting,
+    /// Vertices by facet, and the group of each vertex.
+    groups: Vec<FacetGroup>,
+    of_vertices: Vec<u32>,
+    lattice: &'a Lattice<'a>,
+    has_caustics: bool,
+    has_scatter: bool,
 }
 
-/// Lights a block for one time; spectra of chains are made once and shared by its pixels.
+impl<'a> Block<'a> {
+    pub fn new(
+        scenery: &'a Scenery,
+        paths: &'a Paths,
+        (channels, nodes): (&'a Channels, &'a Nodes),
+        lighting: Lighting,
+        lattice: &'a Lattice<'a>,
+    ) -> Self {
+        let (groups, of_vertices) = paths.facet_groups();
+        let has_caustics = paths.records.iter().any(|record| matches!(record.source, Source::Caustic { .. }));
+        let has_scatter = paths.records.iter().any(|record| matches!(record.source, Source::Scatter { .. }));
+        Self { scenery, paths, channels, nodes, lighting, groups, of_vertices, lattice, has_caustics, has_scatter }
+    }
+
+    /// Whether light passes through the surface of a group.
+    fn passes(&self, group: &FacetGroup) -> bool {
+        if !self.has_scatter {
+            return false;
+        }
+        let hit = &self.paths.vertices[group.members[0] as usize].hit;
+        self.scenery.surface(hit.material).bsdf.lobes().transmission
+    }
+}
+
+/// Lights a block for one time.
 pub(crate) struct BlockLight<'a> {
     block: &'a Block<'a>,
+    lights: &'a Lights,
     time: &'a Illumination,
     sun: SunLight,
-    /// τ₂ of each node of the block's lines of sight, per grid entry.
-    tau_2: Vec<Vec<f64>>,
-    /// L_u of each node, per channel.
-    upwelled: Vec<Vec<f64>>,
-    /// Number of lights: [`Light::index`] stays below it.
-    n_lights: usize,
-    /// Light × τ₂ at a node (the last is without τ₂), summed over g, and the factors of chains: each made when first met.
-    /// No factor depends on g.
-    lights: Vec<Option<Vec<f64>>>,
-    chains: Vec<Option<Vec<f64>>>,
-    /// Channel values of chain × light × τ₂ at a node (the last is without τ₂), made when first met: places in `pool`,
-    /// 0 where not yet made.
-    places: Vec<u32>,
-    pool: Vec<f64>,
-    sky_weights: Vec<(u32, f64)>,
-    weights: Weights,
+    /// By group; empty where there are none.
+    images: Vec<Vec<Image>>,
+    /// Of the knots that the block's lines of sight take from.
+    knots: FxHashMap<Knot, Arc<OfKnot>>,
+    rays: RayCounts,
+    work: Work,
+}
+
+/// Room for one record.
+#[derive(Default)]
+struct Work {
+    weights: Vec<(u32, f64)>,
+    amounts: Vec<f64>,
+    lamp: Vec<f64>,
+    f: Vec<f64>,
+    spectrum: Vec<f64>,
 }
 
 impl<'a> BlockLight<'a> {
-    pub fn new(block: &'a Block<'a>, time: &'a Illumination) -> (Self, RayCounts) {
-        let Block { scenery, paths, channels, lighting, groups, nodes } = block;
-        let (sun, rays) = sun_light(scenery, paths, groups, time, lighting.sun_disk);
-        let n = time.beam.len();
-        let mut l_u = vec![0.0; n];
-        let (mut tau_2, mut upwelled) = (Vec::new(), Vec::new());
-        for path in *nodes {
-            let mut transmittance = vec![0.0; n];
-            time.sky.path(path, &mut transmittance, &mut l_u);
-            let mut folded = vec![0.0; channels.len()];
-            channels.fold(&l_u, &mut folded);
-            tau_2.push(transmittance);
-            upwelled.push(folded);
-        }
-        let n_lights = 3 + time.sky.sky_terms().len();
-        let n_products = paths.chains.len() * n_lights;
-        let light = Self {
-            block,
-            time,
-            sun,
-            places: vec![0; n_products * (tau_2.len() + 1)],
-            pool: vec![0.0; channels.len()],
-            lights: vec![None; n_lights * (tau_2.len() + 1)],
-            tau_2,
-            upwelled,
-            n_lights,
-            chains: vec![None; paths.chains.len()],
-            sky_weights: Vec::new(),
-            weights: Weights::default(),
-        };
-        (light, rays)
+    pub fn new(block: &'a Block<'a>, lights: &'a Lights) -> Self {
+        let time = &*lights.illumination;
+        let (sun, rays) = sun_light(block, time);
+        let images = images(block, time);
+        Self { block, lights, time, sun, images, knots: FxHashMap::default(), rays, work: Work::default() }
+    }
+
+    /// Rays cast so far.
+    pub const fn rays(&self) -> RayCounts {
+        self.rays
     }
 
     /// I_t over the first vertices among samples: the sun-lit fraction.
@@ -379,121 +424,17 @@ impl<'a> BlockLight<'a> {
         self.block.paths.samples[samples].iter().map(lit).sum::<f64>() / n
     }
 
-    /// Gathers the records of one pixel that change with time into weights of (chain, light).
-    fn gather(&mut self, records: &[u32], by_term: bool) {
-        self.weights.clear();
-        let (paths, time) = (self.block.paths, self.time);
-        for record in records.iter().map(|i| &paths.records[*i as usize]) {
-            let sample = &paths.samples[record.sample as usize];
-            self.sky_weights.clear();
-            let (light, value) = match record.source {
-                // Gathered once for all times.
-                Source::Own | Source::MeanSky => continue,
-                Source::Sun { vertex } => {
-                    let i = vertex as usize;
-                    (Light::Beam, self.sun.visible[i] * self.sun.cos[i])
-                }
-                Source::Glint { vertex, mirror, escaped, solid_angle, half_angle, law } => {
-                    let Some(sun) = time.sun else { continue };
-                    let i = vertex as usize;
-                    let (visible, cos) = (self.sun.visible[i], self.sun.cos[i]);
-                    (Light::Beam, glint(time, sun, mirror, escaped, solid_angle, half_angle, law, visible, cos))
-                }
-                Source::Disk(direction) => {
-                    let seen = time.sun.is_some_and(|sun| direction.angle_to(sun) <= time.sun_radius);
-                    (Light::Beam, if seen { 1.0 / time.sun_solid_angle() } else { 0.0 })
-                }
-                Source::Sky(direction) => {
-                    time.sky.sky_weights(direction, &mut self.sky_weights);
-                    (Light::Beam, 0.0)
-                }
-                Source::OpenSky(normal) => {
-                    time.open_sky(normal, |k, w| self.sky_weights.push((k, w)));
-                    (Light::Beam, 0.0)
-                }
-            };
-            let term = term_of(record, by_term);
-            for (chain, share) in chains(paths, record) {
-                let weight = share * record.weight;
-                self.weights.add(sample.cluster, sample.replicate, chain, light, term, weight * value);
-                for (k, shape) in &self.sky_weights {
-                    let light = Light::SkyTerm(*k);
-                    self.weights.add(sample.cluster, sample.replicate, chain, light, term, weight * shape);
-                }
-            }
+    /// The lamp and L_u of a cluster; without τ₂ where there is no path.
+    fn lamp_of(&mut self, shares: Option<&Shares>) -> OfKnot {
+        let Some(shares) = shares else { return (self.lights.bare().clone(), Vec::new()) };
+        let (mut lamp, mut upwelled) = (Lamp::default(), vec![0.0; self.block.channels.len()]);
+        for (knot, share) in shares {
+            let Block { lattice, channels, nodes, .. } = self.block;
+            let of_knot = self.knots.entry(*knot).or_insert_with(|| self.lights.at(*knot, lattice, channels, nodes));
+            lamp.add(&of_knot.0, *share);
+            upwelled.iter_mut().zip(&of_knot.1).for_each(|(sum, l_u)| *sum += share * l_u);
         }
-    }
-
-    fn spectrum_of(&self, light: Light) -> Option<&'a [f64]> {
-        match light {
-            Light::Own => None,
-            Light::Beam => Some(&self.time.beam),
-            Light::MeanSky => Some(&self.time.mean_sky),
-            Light::SkyTerm(k) => Some(&self.time.sky.sky_terms()[k as usize]),
-        }
-    }
-
-    /// Channel values of chain × light × τ₂ at a node (without τ₂ at `NO_PATH`): products per grid entry, averaged once,
-    /// last; or by band means where the scene asks so.
-    fn channel_values(&mut self, chain: ChainId, light: Light, node: u32) -> &[f64] {
-        let n = self.block.channels.len();
-        let node = (node as usize).min(self.tau_2.len());
-        let product = chain as usize * self.n_lights + light.index();
-        let place = product * (self.tau_2.len() + 1) + node;
-        if self.places[place] == 0 {
-            let values = if self.block.lighting.band_means {
-                self.values_of_means(chain, light, node)
-            } else {
-                self.values_of_products(chain, light, node)
-            };
-            self.places[place] = (self.pool.len() / n) as u32;
-            self.pool.extend(values);
-        }
-        let at = self.places[place] as usize * n;
-        &self.pool[at..at + n]
-    }
-
-    fn values_of_products(&mut self, chain: ChainId, light: Light, node: usize) -> Vec<f64> {
-        let Block { scenery, paths, channels, .. } = self.block;
-        let source = self.spectrum_of(light);
-        let chain = self.chains[chain as usize].get_or_insert_with(|| {
-            let mut product = vec![1.0; self.time.beam.len()];
-            for factor in paths.chains.factors(chain) {
-                product.iter_mut().zip(factor.spectrum(scenery)).for_each(|(p, f)| *p *= f);
-            }
-            channels.at_wavelengths(&product)
-        });
-        let light = self.lights[light.index() * (self.tau_2.len() + 1) + node].get_or_insert_with(|| {
-            let tau_2 = self.tau_2.get(node).map(Vec::as_slice);
-            match source {
-                Some(source) => channels.summed(source, tau_2),
-                None => channels.summed(&vec![1.0; self.time.beam.len()], tau_2),
-            }
-        });
-        let mut out = vec![0.0; channels.len()];
-        channels.fold_summed(light, chain, &mut out);
-        out
-    }
-
-    fn values_of_means(&self, chain: ChainId, light: Light, node: usize) -> Vec<f64> {
-        let Block { scenery, paths, channels, .. } = self.block;
-        let mut out = vec![1.0; channels.len()];
-        let mut means = out.clone();
-        let mut multiply = |spectrum: &[f64]| {
-            channels.fold(spectrum, &mut means);
-            out.iter_mut().zip(&means).for_each(|(out, mean)| *out *= mean);
-        };
-        paths.chains.factors(chain).iter().for_each(|factor| multiply(factor.spectrum(scenery)));
-        match light {
-            Light::Own => {}
-            Light::Beam => {
-                multiply(self.time.sky.solar_irradiance());
-                multiply(self.time.sky.sun_transmittance());
-            }
-            Light::MeanSky | Light::SkyTerm(_) => self.spectrum_of(light).into_iter().for_each(&mut multiply),
-        }
-        self.tau_2.get(node).into_iter().for_each(|tau_2| multiply(tau_2));
-        out
+        (lamp, upwelled)
     }
 
     /// One pixel: its records, its samples, and what each of its clusters takes of the block's lines of sight.
@@ -501,68 +442,326 @@ impl<'a> BlockLight<'a> {
         &mut self,
         light: &PixelLight,
         samples: Range<usize>,
-        sights: &[Shares],
+        sights: &[Option<Shares>],
         surface: bool,
         by_term: bool,
     ) -> PixelRadiance {
         let n = self.block.channels.len();
         let n_samples = samples.len() as f64;
-        self.gather(&light.changing, by_term);
-        let mut radiance = vec![[0.0; REPLICATES]; n];
-        let mut leaving = if surface { radiance.clone() } else { Vec::new() };
-        let mut terms: Vec<(Term, Vec<f64>)> = Vec::new();
-        let mut values = vec![0.0; n];
-        let per_replicate = REPLICATES as f64 / n_samples;
-        let spread = |values: &[f64], replicates: &[f64; REPLICATES], out: &mut [[f64; REPLICATES]]| {
-            for (sums, value) in out.iter_mut().zip(values) {
-                let value = value * per_replicate;
-                sums.iter_mut().zip(replicates).for_each(|(sum, w)| *sum += w * value);
-            }
+        let (lamps, l_u): (Vec<Lamp>, Vec<Vec<f64>>) =
+            sights.iter().map(|shares| self.lamp_of(shares.as_ref())).unzip();
+        let mut sums = Sums::new(self.block, n_samples, by_term);
+        self.gather(light, &lamps, by_term, &mut sums);
+        let leaving = if surface {
+            let bare = vec![self.lights.bare().clone(); sights.len()];
+            let mut leaving = Sums::new(self.block, n_samples, false);
+            self.gather(light, &bare, false, &mut leaving);
+            leaving.radiance
+        } else {
+            Vec::new()
         };
-        let changing = std::mem::take(&mut self.weights);
-        for entry in light.steady.list.iter().chain(&changing.list) {
-            match &sights[entry.cluster as usize] {
-                None => values.copy_from_slice(self.channel_values(entry.chain, entry.light, NO_PATH)),
-                Some(shares) => {
-                    values.fill(0.0);
-                    for (node, share) in shares.iter().filter(|(_, share)| *share != 0.0) {
-                        let at_node = self.channel_values(entry.chain, entry.light, *node);
-                        values.iter_mut().zip(at_node).for_each(|(value, v)| *value += share * v);
-                    }
-                }
-            }
-            spread(&values, &entry.replicates, &mut radiance);
-            if by_term {
-                let mean = entry.replicates.iter().sum::<f64>() / n_samples;
-                let at = terms.iter().position(|(term, _)| *term == entry.term).unwrap_or_else(|| {
-                    terms.push((entry.term, vec![0.0; n]));
-                    terms.len() - 1
-                });
-                terms[at].1.iter_mut().zip(&values).for_each(|(sum, value)| *sum += mean * value);
-            }
-            if surface {
-                spread(self.channel_values(entry.chain, entry.light, NO_PATH), &entry.replicates, &mut leaving);
-            }
-        }
-        self.weights = changing;
+        let Sums { mut radiance, terms, .. } = sums;
+        let per_replicate = REPLICATES as f64 / n_samples;
         let mut upwelled = vec![0.0; n];
-        for (q, shares) in sights.iter().enumerate() {
-            let Some(shares) = shares else { continue };
-            values.fill(0.0);
-            for (node, share) in shares {
-                let at_node = &self.upwelled[*node as usize];
-                values.iter_mut().zip(at_node).for_each(|(value, l_u)| *value += share * l_u);
-            }
+        for (q, values) in l_u.iter().enumerate() {
             let mut counts = [0.0; REPLICATES];
             let samples = &self.block.paths.samples[samples.clone()];
             for sample in samples.iter().filter(|sample| usize::from(sample.cluster) == q) {
                 counts[sample.replicate as usize] += 1.0;
             }
-            spread(&values, &counts, &mut radiance);
+            for (sums, value) in radiance.iter_mut().zip(values) {
+                sums.iter_mut().zip(&counts).for_each(|(sum, count)| *sum += count * value * per_replicate);
+            }
             let share = counts.iter().sum::<f64>() / n_samples;
-            upwelled.iter_mut().zip(&values).for_each(|(sum, value)| *sum += share * value);
+            upwelled.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
         }
         PixelRadiance { radiance, surface: leaving, terms, upwelled }
+    }
+
+    /// Adds up the records of one pixel under the lamps of its clusters.
+    fn gather(&mut self, light: &PixelLight, lamps: &[Lamp], by_term: bool, sums: &mut Sums<'_>) {
+        let mut work = std::mem::take(&mut self.work);
+        let n = self.block.nodes.len();
+        for merged in &light.merged {
+            let lamp = &lamps[merged.cluster as usize];
+            let (weights, scale) = match merged.kind {
+                Kind::Own => (&lamp.own, 1.0),
+                Kind::MeanSky => (&lamp.mean_sky, 1.0),
+                Kind::OpenSky(normal) => {
+                    let amounts = self.lights.open_sky(normal);
+                    self.lights.of_sky(lamp, self.block.nodes, &amounts, &mut work.lamp);
+                    (&work.lamp, 1.0)
+                }
+                Kind::Sun { group } => match self.sun.groups[group as usize] {
+                    Standing::Lit(cos) => (&lamp.beam, cos),
+                    Standing::Dark | Standing::Mixed => continue,
+                },
+                Kind::Ambient { group, .. } if self.sun.groups[group as usize] == Standing::Mixed => continue,
+                Kind::Ambient { normal, .. } => {
+                    let amounts = self.lights.open_sky(normal);
+                    self.lights.of_sky(lamp, self.block.nodes, &amounts, &mut work.lamp);
+                    (&work.lamp, 1.0)
+                }
+            };
+            for (replicate, spectrum) in merged.sums.chunks_exact(n).enumerate() {
+                sums.add(replicate, merged.term, spectrum, weights, scale);
+            }
+        }
+        let paths = self.block.paths;
+        for (group, range) in &light.of_groups {
+            if self.sun.groups[*group as usize] != Standing::Mixed {
+                continue;
+            }
+            for record in light.grouped[range.clone()].iter().map(|i| &paths.records[*i as usize]) {
+                let sample = &paths.samples[record.sample as usize];
+                let (replicate, term) = (usize::from(sample.replicate), term_of(record.term, by_term));
+                let lamp = &lamps[sample.cluster as usize];
+                match record.source {
+                    Source::Sun { vertex } => {
+                        let i = vertex as usize;
+                        let scale = record.weight * self.sun.visible[i] * self.sun.cos[i].max(0.0);
+                        if scale == 0.0 {
+                            continue;
+                        }
+                        let spectrum = match self.limb_of(&paths.vertices[i], paths.spectrum(record.spectrum)) {
+                            Some(limb) => {
+                                work.spectrum = limb;
+                                work.spectrum.as_slice()
+                            }
+                            None => paths.spectrum(record.spectrum),
+                        };
+                        sums.add(replicate, term, spectrum, &lamp.beam, scale);
+                    }
+                    Source::OpenSky { normal, unless: Some(vertex) } if !self.sun.shaded[vertex as usize] => {
+                        let amounts = self.lights.open_sky(normal);
+                        self.lights.of_sky(lamp, self.block.nodes, &amounts, &mut work.lamp);
+                        sums.add(replicate, term, paths.spectrum(record.spectrum), &work.lamp, record.weight);
+                    }
+                    _ => {}
+                }
+            }
+        }
+        for record in light.changing.iter().map(|i| &paths.records[*i as usize]) {
+            let sample = &paths.samples[record.sample as usize];
+            let (replicate, term) = (usize::from(sample.replicate), term_of(record.term, by_term));
+            let lamp = &lamps[sample.cluster as usize];
+            let spectrum = paths.spectrum(record.spectrum);
+            match record.source {
+                Source::Own | Source::MeanSky | Source::OpenSky { .. } | Source::Sun { .. } => {}
+                Source::Sky { direction, seen } => {
+                    // V − α, α = 1 unless something hides the sun.
+                    let share = match seen {
+                        Some((vertex, free)) => {
+                            f64::from(u8::from(free)) - f64::from(u8::from(!self.sun.shaded[vertex as usize]))
+                        }
+                        None => 1.0,
+                    };
+                    if share == 0.0 {
+                        continue;
+                    }
+                    if self.lights.sky(direction, &mut work.weights, &mut work.amounts) {
+                        self.lights.of_sky(lamp, self.block.nodes, &work.amounts, &mut work.lamp);
+                        sums.add(replicate, term, spectrum, &work.lamp, share * record.weight);
+                    }
+                }
+                Source::Glint { vertex, mirror, escaped, solid_angle, half_angle, law } => {
+                    let Some(sun) = self.time.sun else { continue };
+                    let i = vertex as usize;
+                    let (visible, cos) = (self.sun.visible[i], self.sun.cos[i].max(0.0));
+                    let value = glint(self.time, sun, mirror, escaped, solid_angle, half_angle, law, visible, cos);
+                    sums.add(replicate, term, spectrum, &lamp.beam, record.weight * value);
+                }
+                Source::Disk { direction, density } => {
+                    let Some((value, r)) = self.disk(direction, density) else { continue };
+                    match self.darkened(r, spectrum) {
+                        Some(spectrum) => sums.add(replicate, term, &spectrum, &lamp.beam, record.weight * value),
+                        None => sums.add(replicate, term, spectrum, &lamp.beam, record.weight * value),
+                    }
+                }
+                Source::Scatter { vertex, outgoing } => {
+                    if let Some(scale) = self.scattered(vertex, outgoing, record.spectrum, &mut work) {
+                        sums.add(replicate, term, &work.spectrum, &lamp.beam, record.weight * scale);
+                    }
+                }
+                Source::Caustic { vertex, outgoing, bounces } => {
+                    let group = self.block.of_vertices[vertex as usize];
+                    for i in 0..self.images.get(group as usize).map_or(0, Vec::len) {
+                        let image = self.images[group as usize][i];
+                        if image.second.is_some() && bounces < 2 {
+                            continue;
+                        }
+                        if let Some(scale) = self.imaged(vertex, outgoing, image, record.spectrum, &mut work) {
+                            sums.add(replicate, term, &work.spectrum, &lamp.beam, record.weight * scale);
+                        }
+                    }
+                }
+            }
+        }
+        self.work = work;
+    }
+
+    /// What a ray that leaves the scene finds of the sun's disk, per irradiance E_n \[sr⁻¹\], and how far from its middle in disk
+    /// radii: weighed against the draw of a point of the disk [Veach1995, balance heuristic] where that too finds it.
+    fn disk(&self, direction: WorldDir, density: f64) -> Option<(f64, f64)> {
+        let apart = direction.angle_to(self.time.sun?);
+        let drawn = 1.0 / self.time.sun_solid_angle();
+        let share = if density.is_finite() { density / (density + drawn) } else { 1.0 };
+        (apart <= self.time.sun_radius).then(|| (share * drawn, apart.sin() / self.time.sun_radius.sin()))
+    }
+
+    /// A spectrum times the disk's radiance over its mean, where the disk darkens towards its limb.
+    fn darkened(&self, r: f64, spectrum: &[f64]) -> Option<Vec<f64>> {
+        let wavelengths = self.block.nodes.wavelengths_um();
+        let limb = self.block.lighting.limb_darkening.then(|| limb::profile(wavelengths, r))?;
+        Some(spectrum.iter().zip(limb).map(|(t, l)| t * l).collect())
+    }
+
+    /// The same at the point of the disk that a vertex sees.
+    fn limb_of(&self, vertex: &Vertex, spectrum: &[f64]) -> Option<Vec<f64>> {
+        let [x, y] = vertex.disk;
+        self.darkened(x.hypot(y), spectrum).filter(|_| self.block.lighting.sun_disk)
+    }
+
+    /// The sun at a vertex by all but the Lambertian part: fills `work.spectrum`, and gives what is left to multiply by E_n.
+    fn scattered(&self, vertex: u32, outgoing: LocalDir, spectrum: SpectrumId, work: &mut Work) -> Option<f64> {
+        let i = vertex as usize;
+        let sun = self.time.sun.filter(|_| self.sun.visible[i] * self.sun.cos[i] != 0.0)?;
+        let vertex = &self.block.paths.vertices[i];
+        let direction = sun_of(vertex, self.time, sun, &Frame::about(sun.vec()), self.block.lighting.sun_disk);
+        let incident = Frame::about(vertex.hit.normal).to_local(direction);
+        let density = self.lobes(vertex, incident, outgoing, false, spectrum, work)?;
+        if let Some(limb) = self.limb_of(vertex, &work.spectrum) {
+            work.spectrum = limb;
+        }
+        let drawn = 1.0 / self.time.sun_solid_angle();
+        let share = if self.block.lighting.sun_disk { drawn / (drawn + density) } else { 1.0 };
+        Some(self.sun.visible[i] * incident.cos().abs() * share)
+    }
+
+    /// Fills `work.spectrum` with spectrum × f of a surface's smooth lobes, the Lambertian part left out unless `all`; gives the
+    /// density with which lobes beside the Lambertian part draw the direction. `None` where f is 0.
+    fn lobes(
+        &self,
+        vertex: &Vertex,
+        incident: LocalDir,
+        outgoing: LocalDir,
+        all: bool,
+        spectrum: SpectrumId,
+        work: &mut Work,
+    ) -> Option<f64> {
+        let bsdf = &self.block.scenery.surface(vertex.hit.material).bsdf;
+        let n = self.block.nodes.len();
+        work.f.resize(n, 0.0);
+        work.lamp.resize(n, 0.0);
+        bsdf.eval(incident, outgoing, &mut work.f);
+        let mut density = bsdf.pdf(incident, outgoing);
+        if !all && incident.cos() > 0.0 {
+            let chance = bsdf.lambertian(outgoing, &mut work.lamp[..n]);
+            work.f.iter_mut().zip(&work.lamp).for_each(|(f, rho)| *f -= rho / PI);
+            density = (density - chance * incident.cos() / PI).max(0.0);
+        }
+        work.spectrum.clear();
+        work.spectrum.extend(self.block.paths.spectrum(spectrum).iter().zip(&work.f).map(|(t, f)| t * f));
+        work.f.iter().any(|f| *f != 0.0).then_some(density)
+    }
+
+    /// The sun in mirrors at a vertex: fills `work.spectrum`, and gives what is left to multiply by E_n.
+    fn imaged(
+        &mut self,
+        vertex: u32,
+        outgoing: LocalDir,
+        image: Image,
+        spectrum: SpectrumId,
+        work: &mut Work,
+    ) -> Option<f64> {
+        let scenery = self.block.scenery;
+        let mirrors = &scenery.mirrors;
+        let sun = self.time.sun?;
+        let vertex = &self.block.paths.vertices[vertex as usize];
+        let point = sun_of(vertex, self.time, sun, &Frame::about(sun.vec()), self.block.lighting.sun_disk);
+        if point.cos_zenith() <= 0.0 {
+            return None;
+        }
+        let second = image.second.map(|axis| mirrors.axis(axis));
+        let after_first = second.map_or(point.vec(), |axis| mirrored(point.vec(), axis));
+        let direction = WorldDir::new(mirrored(after_first, mirrors.axis(image.first)));
+        let incident = Frame::about(vertex.hit.normal).to_local(direction);
+        let passes = scenery.surface(vertex.hit.material).bsdf.lobes().transmission;
+        if incident.cos() <= 0.0 && !passes {
+            return None;
+        }
+        // The ray itself finds the mirrors.
+        let mut hits = [None; 2];
+        let (mut from, mut along) = (vertex.hit, direction);
+        let turns = [Some((image.first, after_first)), image.second.map(|axis| (axis, point.vec()))];
+        for (hit, (axis, next)) in hits.iter_mut().zip(turns.into_iter().flatten()) {
+            self.rays.caustic += 1;
+            let met = scenery.world.closest(&from.leave(along)).filter(|met| mirrors.axis_of(met) == Some(axis))?;
+            *hit = Some((met, -along));
+            (from, along) = (met, WorldDir::from_unit(next));
+            // Behind the mirror there is nothing to be seen in it.
+            if along.vec().dot(met.normal) <= 0.0 {
+                return None;
+            }
+        }
+        self.rays.caustic += 1;
+        if scenery.world.occluded(&from.leave(along)) {
+            return None;
+        }
+        self.lobes(vertex, incident, outgoing, true, spectrum, work)?;
+        for (hit, outgoing) in hits.into_iter().flatten() {
+            let local = Frame::about(hit.normal).to_local(outgoing);
+            scenery.surface(hit.material).bsdf.mirror(local, &mut work.f);
+            work.spectrum.iter_mut().zip(&work.f).for_each(|(t, rho)| *t *= rho);
+        }
+        if let Some(limb) = self.limb_of(vertex, &work.spectrum) {
+            work.spectrum = limb;
+        }
+        Some(incident.cos().abs())
+    }
+}
+
+/// Radiances of one pixel as they are added up.
+struct Sums<'a> {
+    nodes: &'a Nodes,
+    n_samples: f64,
+    radiance: Vec<[f64; REPLICATES]>,
+    terms: Vec<(Term, Vec<f64>)>,
+    by_term: bool,
+}
+
+impl<'a> Sums<'a> {
+    fn new(block: &Block<'a>, n_samples: f64, by_term: bool) -> Self {
+        let radiance = vec![[0.0; REPLICATES]; block.channels.len()];
+        Self { nodes: block.nodes, n_samples, radiance, terms: Vec::new(), by_term }
+    }
+
+    /// Adds scale × Σ_q spectrum_q weights_q to each channel.
+    fn add(&mut self, replicate: usize, term: Term, spectrum: &[f64], weights: &[f64], scale: f64) {
+        if scale == 0.0 {
+            return;
+        }
+        let scale = scale * REPLICATES as f64 / self.n_samples;
+        let mut of_term = match self.by_term {
+            true => {
+                let at = self.terms.iter().position(|(known, _)| *known == term).unwrap_or_else(|| {
+                    self.terms.push((term, vec![0.0; self.radiance.len()]));
+                    self.terms.len() - 1
+                });
+                Some(&mut self.terms[at].1)
+            }
+            false => None,
+        };
+        let mut start = 0;
+        for (c, sums) in self.radiance.iter_mut().enumerate() {
+            let spectrum = &spectrum[self.nodes.of_channel(c)];
+            let value = scale * spectrum.iter().zip(&weights[start..]).map(|(t, w)| t * w).sum::<f64>();
+            start += spectrum.len();
+            sums[replicate] += value;
+            if let Some(of_term) = &mut of_term {
+                of_term[c] += value / REPLICATES as f64;
+            }
+        }
     }
 }
 

@@ -1,64 +1,40 @@
 //! Paths without light: what is kept of a block of pixels so that any time can light it.
 
-use std::ops::Range;
-
 use glam::DVec3;
 use rustc_hash::FxHashMap;
 use sunglint_geometry::{FacetId, Hit};
-use sunglint_radiometry::WorldDir;
+use sunglint_radiometry::{LocalDir, WorldDir};
 
-use crate::Scenery;
 use crate::light::Term;
 
-/// One factor of a chain: a component of a material's split at a node of view angle.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) struct Factor {
-    pub material: u32,
-    pub component: Component,
-    pub node: u16,
-}
-
-/// Which of a material's spectra a factor is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
-pub(crate) enum Component {
-    Diffuse,
-    Specular,
-    Printed,
-    Emission,
-}
-
-impl Factor {
-    pub fn spectrum<'a>(&self, scenery: &'a Scenery) -> &'a [f64] {
-        let surface = scenery.surfaces[self.material as usize].as_ref().expect("factors name bound materials");
-        let split = surface.bsdf.split();
-        match self.component {
-            Component::Diffuse => split.diffuse.spectrum(self.node as usize),
-            Component::Specular => split.specular.spectrum(self.node as usize),
-            Component::Printed => split.printed.spectrum(self.node as usize),
-            Component::Emission => surface.emission.as_deref().expect("an emission factor names an emitter"),
-        }
-    }
-}
-
-/// A chain of reflectances: a multiset of factors, interned. Chain 0 is empty.
-pub(crate) type ChainId = u32;
+/// Index of a spectrum of [`Paths`]: a product of reflectances at the nodes. 0 is 1 throughout.
+pub(crate) type SpectrumId = u32;
+/// The spectrum 1.
+pub(crate) const ONE: SpectrumId = 0;
 
 /// Where the light of a record comes from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Source {
     /// E_n cos θ_s I at a vertex; the record's weight holds the 1/π.
     Sun { vertex: u32 },
+    /// E_n cos θ_s I f at a vertex: what a surface's lobes scatter beside its Lambertian part.
+    Scatter { vertex: u32, outgoing: LocalDir },
+    /// The sun in one or two planar mirrors, scattered at a vertex by all that is not itself a mirror.
+    Caustic { vertex: u32, outgoing: LocalDir, bounces: u8 },
     /// The sun's image about a mirror direction at a vertex.
     Glint { vertex: u32, mirror: WorldDir, escaped: bool, solid_angle: f64, half_angle: f64, law: GlintLaw },
-    /// L_d(ω).
-    Sky(WorldDir),
-    /// The sun's disk, looked into along a direction.
-    Disk(WorldDir),
+    /// L_d(ω). Where `seen` names a vertex and whether ω is free there, only what [`OpenSky`](Self::OpenSky) with that vertex
+    /// leaves: V − α of it.
+    Sky { direction: WorldDir, seen: Option<(u32, bool)> },
+    /// The sun's disk, looked into along a direction; `density` \[sr⁻¹\] is that of the draw that led there, infinite where
+    /// none but this ray can find the disk.
+    Disk { direction: WorldDir, density: f64 },
     /// L_dsky = E_d / π.
     MeanSky,
-    /// ∫ L_d cos θ dω / π over what a facet with this normal sees of the sky when nothing but the horizon obstructs it.
-    OpenSky(DVec3),
-    /// The chain's own spectrum (emission).
+    /// ∫ L_d cos θ dω / π over what a facet with this normal sees of the sky when nothing but the horizon obstructs it; times α
+    /// where a vertex is named: 0 where something hides the sun from it, else 1.
+    OpenSky { normal: DVec3, unless: Option<u32> },
+    /// The spectrum's own light (emission).
     Own,
 }
 
@@ -83,11 +59,11 @@ pub(crate) struct Vertex {
     pub disk: [f64; 2],
 }
 
-/// A contribution: Σ over `chains` of weight × chain spectrum × source.
+/// A contribution: weight × spectrum × source.
 #[derive(Clone, Debug)]
 pub(crate) struct Record {
     pub sample: u32,
-    pub chains: Range<u32>,
+    pub spectrum: SpectrumId,
     pub source: Source,
     pub weight: f64,
     pub term: Term,
@@ -118,6 +94,8 @@ pub struct RayCounts {
     pub mirror: u64,
     /// To the sun.
     pub sun: u64,
+    /// To the sun's images in planar mirrors, on to the next mirror, and from the last to the sun.
+    pub caustic: u64,
     /// To the sun, not cast: the facet is turned away or the sun is down.
     pub sun_turned_away: u64,
     /// To the sun, not cast: nothing stands between the block's points on the facet and the sun.
@@ -126,12 +104,20 @@ pub struct RayCounts {
     pub hemisphere_open: u64,
 }
 
+impl RayCounts {
+    /// All rays that were cast.
+    pub const fn cast(&self) -> u64 {
+        self.camera + self.hemisphere + self.mirror + self.sun + self.caustic
+    }
+}
+
 impl std::ops::AddAssign for RayCounts {
     fn add_assign(&mut self, other: Self) {
         self.camera += other.camera;
         self.hemisphere += other.hemisphere;
         self.mirror += other.mirror;
         self.sun += other.sun;
+        self.caustic += other.caustic;
         self.sun_turned_away += other.sun_turned_away;
         self.sun_proved_clear += other.sun_proved_clear;
         self.hemisphere_open += other.hemisphere_open;
@@ -139,23 +125,45 @@ impl std::ops::AddAssign for RayCounts {
 }
 
 /// The paths of a block of pixels.
-#[derive(Default)]
 pub struct Paths {
     pub(crate) samples: Vec<Sample>,
     pub(crate) vertices: Vec<Vertex>,
     pub(crate) records: Vec<Record>,
-    pub(crate) chain_list: Vec<(ChainId, f64)>,
-    pub(crate) chains: Chains,
     pub(crate) rays: RayCounts,
+    /// Spectra at the nodes, one after another.
+    spectra: Vec<f64>,
+    n_nodes: usize,
 }
 
 impl Paths {
+    pub(crate) fn new(n_nodes: usize) -> Self {
+        Self {
+            samples: Vec::new(),
+            vertices: Vec::new(),
+            records: Vec::new(),
+            rays: RayCounts::default(),
+            spectra: vec![1.0; n_nodes],
+            n_nodes,
+        }
+    }
+
     pub(crate) fn clear(&mut self) {
         self.samples.clear();
         self.vertices.clear();
         self.records.clear();
-        self.chain_list.clear();
-        self.chains.clear();
+        self.spectra.truncate(self.n_nodes);
+    }
+
+    pub(crate) const fn n_nodes(&self) -> usize {
+        self.n_nodes
+    }
+
+    /// Bytes that the paths take.
+    pub(crate) fn size(&self) -> usize {
+        size_of_val(&self.spectra[..])
+            + size_of_val(&self.records[..])
+            + size_of_val(&self.vertices[..])
+            + size_of_val(&self.samples[..])
     }
 
     pub(crate) fn vertex(&mut self, hit: Hit, first: bool, disk: [f64; 2]) -> u32 {
@@ -163,72 +171,35 @@ impl Paths {
         self.vertices.len() as u32 - 1
     }
 
-    /// Appends `factors` (with weights) to every chain of `chains`; drops what has no weight.
-    pub(crate) fn extend(&mut self, chains: Range<u32>, factors: &[(Factor, f64)]) -> Range<u32> {
-        let start = self.chain_list.len() as u32;
-        for i in chains {
-            let (chain, weight) = self.chain_list[i as usize];
-            for (factor, w) in factors.iter().filter(|(_, w)| *w != 0.0) {
-                let next = self.chains.append(chain, *factor);
-                self.chain_list.push((next, weight * w));
-            }
+    /// A spectrum at the nodes.
+    pub(crate) fn spectrum(&self, id: SpectrumId) -> &[f64] {
+        &self.spectra[id as usize * self.n_nodes..][..self.n_nodes]
+    }
+
+    /// Its largest value.
+    pub(crate) fn peak(&self, id: SpectrumId) -> f64 {
+        self.spectrum(id).iter().fold(0.0, |peak: f64, value| peak.max(value.abs()))
+    }
+
+    /// A spectrum times a factor at each node.
+    pub(crate) fn times(&mut self, id: SpectrumId, factor: impl Fn(usize) -> f64) -> SpectrumId {
+        let (from, n) = (id as usize * self.n_nodes, self.n_nodes);
+        let fresh = self.spectra.len();
+        self.spectra.extend_from_within(from..from + n);
+        self.spectra[fresh..].iter_mut().enumerate().for_each(|(q, value)| *value *= factor(q));
+        (fresh / n.max(1)) as SpectrumId
+    }
+
+    /// What is seen where a line of sight leaves the scene: the sky, and the sun itself.
+    pub(crate) fn look_out(&mut self, sample: u32, direction: WorldDir) {
+        self.record(sample, ONE, Source::Sky { direction, seen: None }, 1.0, Term::SkyDirect);
+        self.record(sample, ONE, Source::Disk { direction, density: f64::INFINITY }, 1.0, Term::SkyDirect);
+    }
+
+    pub(crate) fn record(&mut self, sample: u32, spectrum: SpectrumId, source: Source, weight: f64, term: Term) {
+        if weight != 0.0 {
+            self.records.push(Record { sample, spectrum, source, weight, term });
         }
-        start..self.chain_list.len() as u32
-    }
-
-    /// The empty chain, weight 1.
-    pub(crate) fn root(&mut self) -> Range<u32> {
-        self.chain_list.push((0, 1.0));
-        self.chain_list.len() as u32 - 1..self.chain_list.len() as u32
-    }
-
-    pub(crate) fn record(&mut self, sample: u32, chains: Range<u32>, source: Source, weight: f64, term: Term) {
-        if weight != 0.0 && !chains.is_empty() {
-            self.records.push(Record { sample, chains, source, weight, term });
-        }
-    }
-}
-
-/// Interned chains: equal multisets of factors are one chain, whatever their order.
-#[derive(Default)]
-pub(crate) struct Chains {
-    factors: Vec<Vec<Factor>>,
-    known: FxHashMap<Vec<Factor>, ChainId>,
-    next: FxHashMap<(ChainId, Factor), ChainId>,
-}
-
-impl Chains {
-    pub fn clear(&mut self) {
-        self.factors.clear();
-        self.known.clear();
-        self.next.clear();
-    }
-
-    pub fn len(&self) -> usize {
-        self.factors.len().max(1)
-    }
-
-    pub fn factors(&self, chain: ChainId) -> &[Factor] {
-        self.factors.get(chain as usize).map_or(&[], Vec::as_slice)
-    }
-
-    pub fn append(&mut self, chain: ChainId, factor: Factor) -> ChainId {
-        if self.factors.is_empty() {
-            self.factors.push(Vec::new());
-        }
-        if let Some(next) = self.next.get(&(chain, factor)) {
-            return *next;
-        }
-        let mut factors = self.factors[chain as usize].clone();
-        let place = factors.partition_point(|f| *f <= factor);
-        factors.insert(place, factor);
-        let fresh = self.factors.len() as ChainId;
-        let id = *self.known.entry(factors.clone()).or_insert(fresh);
-        if id == fresh {
-            self.factors.push(factors);
-        }
-        self.next.insert((chain, factor), id);
-        id
     }
 }
 
@@ -242,10 +213,12 @@ pub(crate) struct FacetGroup {
 }
 
 impl Paths {
-    /// Vertices by facet and side, first surfaces of a path apart from later ones, in order of first appearance.
-    pub(crate) fn facet_groups(&self) -> Vec<FacetGroup> {
+    /// Vertices by facet and side, first surfaces of a path apart from later ones, in order of first appearance; and the group
+    /// of each vertex.
+    pub(crate) fn facet_groups(&self) -> (Vec<FacetGroup>, Vec<u32>) {
         let mut index: FxHashMap<(FacetId, bool, bool), usize> = FxHashMap::default();
         let mut groups: Vec<FacetGroup> = Vec::new();
+        let mut of_vertices = Vec::with_capacity(self.vertices.len());
         for (i, vertex) in self.vertices.iter().enumerate() {
             let hit = &vertex.hit;
             let at = *index.entry((hit.facet, hit.front, vertex.first)).or_insert_with(|| {
@@ -262,7 +235,8 @@ impl Paths {
             group.lo = group.lo.min(hit.point);
             group.hi = group.hi.max(hit.point);
             group.members.push(i as u32);
+            of_vertices.push(at as u32);
         }
-        groups
+        (groups, of_vertices)
     }
 }

@@ -4,30 +4,26 @@
 //! diffuse or specular, `split` as both. Everything that the printed equations approximate can be lifted by name.
 
 use std::f64::consts::{FRAC_PI_6, PI};
-use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
-use smallvec::SmallVec;
 use sunglint_atmosphere::Needs;
 use sunglint_geometry::{Hit, Ray};
 use sunglint_plugin::{Args, BindError, Default, Model, ModelInfo, Param};
-use sunglint_radiometry::{Frame, LocalDir, WorldDir};
-use sunglint_reflectance::AngularSpectra;
+use sunglint_radiometry::WorldDir;
+use sunglint_reflectance::{AngularSpectra, Split};
 
 use crate::algorithm::{Algorithm, Lighting};
+use crate::hemisphere::{below_horizon, hemisphere_direction, open_sky_view};
 use crate::light::{Term, half_angle};
-use crate::paths::{Component, Factor, GlintLaw, Paths, Sample, Source};
-use crate::sampler::{concentric_disk, cosine_hemisphere};
+use crate::paths::{GlintLaw, ONE, Paths, Sample, Source, SpectrumId};
+use crate::sampler::concentric_disk;
 use crate::{Scenery, Stream, Surface};
 
 /// Surfaces after which an unlimited path is played with Russian roulette.
 const ROULETTE_FROM: u32 = 8;
 /// Surfaces after which an unlimited path ends: between perfect reflectors roulette alone would not end it.
 const DEPTH_LIMIT: u32 = 4096;
-/// Surfaces up to which R(θ) stands between two nodes of view angle; beyond them one of the two is drawn, since chains would
-/// double at every surface.
-const BOTH_NODES_TO: u32 = 4;
 
 /// Every approximation of the published equations, each of which can be lifted alone.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -190,9 +186,6 @@ fn bind(treatment: Treatment, args: &Args) -> Result<Arc<dyn Algorithm>, BindErr
     Ok(Arc::new(Published { treatment, with }))
 }
 
-/// R(θ) = Σ_j w_j R_j of a component at a view angle.
-type Factors = SmallVec<[(Factor, f64); 4]>;
-
 /// How the sky seen from the target enters, for `background_sky target`.
 #[derive(Clone, Copy)]
 struct TargetSky {
@@ -202,12 +195,13 @@ struct TargetSky {
 }
 
 /// Where a path stands.
+#[derive(Clone, Copy)]
 struct Step {
     hit: Hit,
     /// Towards where the path came from.
     outgoing: WorldDir,
-    /// Reflectances so far.
-    chains: Range<u32>,
+    /// Product of the reflectances so far.
+    spectrum: SpectrumId,
     weight: f64,
     /// Surfaces so far, this one included.
     depth: u32,
@@ -223,7 +217,12 @@ impl Algorithm for Published {
     }
 
     fn lighting(&self) -> Lighting {
-        Lighting { sun_disk: self.with.sun_disk, band_means: self.with.band_means, adjacency: self.with.adjacency }
+        Lighting {
+            sun_disk: self.with.sun_disk,
+            limb_darkening: false,
+            band_means: self.with.band_means,
+            adjacency: self.with.adjacency,
+        }
     }
 
     fn skips(&self, scenery: &Scenery) -> Vec<String> {
@@ -259,59 +258,30 @@ impl Algorithm for Published {
         let id = paths.samples.len() as u32;
         let Some(hit) = scenery.world.closest(sight) else {
             paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, cluster: 0 });
-            let root = paths.root();
-            paths.record(id, root.clone(), Source::Sky(sight.direction), 1.0, Term::SkyDirect);
-            paths.record(id, root, Source::Disk(sight.direction), 1.0, Term::SkyDirect);
+            paths.look_out(id, sight.direction);
             return;
         };
         let vertex = self.vertex(hit, true, stream, paths);
         paths.samples.push(Sample { replicate, vertex: Some(vertex), range: hit.t, sky_view: 0.0, cluster: 0 });
-        let chains = paths.root();
-        let step = Step { hit, outgoing: -sight.direction, chains, weight: 1.0, depth: 1, by_mirror: false };
+        let outgoing = -sight.direction;
+        let step = Step { hit, outgoing, spectrum: ONE, weight: 1.0, depth: 1, by_mirror: false };
         self.target(scenery, id, vertex, &step, stream, paths);
     }
 }
 
-/// R(θ) of a component at a view angle, as weighted factors.
-fn factors(material: u32, component: Component, table: &AngularSpectra, theta: f64) -> Factors {
-    if table.angles().len() == 1 {
-        return Factors::from_slice(&[(Factor { material, component, node: 0 }, 1.0)]);
-    }
-    let weighted = table.weights(theta).into_iter().filter(|(_, weight)| *weight != 0.0);
-    weighted.map(|(node, weight)| (Factor { material, component, node: node as u16 }, weight)).collect()
+/// A spectrum times R(θ) of a component at a view angle.
+fn times(paths: &mut Paths, spectrum: SpectrumId, table: &AngularSpectra, theta: f64) -> SpectrumId {
+    let [(j, w), (k, v)] = table.weights(theta);
+    let (a, b) = (table.spectrum(j), table.spectrum(k));
+    paths.times(spectrum, |q| w * a[q] + v * b[q])
 }
 
-/// R_d(θ) + ρ_s(θ) of a surface, without a component that it does not have.
-fn total_factors(surface: &Surface, material: u32, theta: f64) -> Factors {
-    let split = surface.bsdf.split();
-    let mut all = Factors::new();
-    if surface.has_diffuse {
-        all.extend(factors(material, Component::Diffuse, &split.diffuse, theta));
-    }
-    if surface.has_specular {
-        all.extend(factors(material, Component::Specular, &split.specular, theta));
-    }
-    all
-}
-
-/// One of several factors, drawn in proportion to its weight.
-fn drawn(factors: Factors, stream: &mut Stream) -> Factors {
-    if factors.len() < 2 {
-        return factors;
-    }
-    let total: f64 = factors.iter().map(|(_, weight)| weight).sum();
-    let mut rest = stream.next1() * total;
-    let chosen = factors.iter().find(|(_, weight)| {
-        rest -= weight;
-        rest < 0.0
-    });
-    let (factor, _) = chosen.unwrap_or(&factors[factors.len() - 1]);
-    Factors::from_slice(&[(*factor, total)])
-}
-
-/// Sky fraction of an unobstructed facet of this normal: (1 + cos β)/2.
-fn open_sky_view(normal: DVec3) -> f64 {
-    0.5 * (1.0 + normal.z.clamp(-1.0, 1.0))
+/// A spectrum times R_d(θ) + ρ_s(θ) of a surface.
+fn times_total(paths: &mut Paths, spectrum: SpectrumId, surface: &Surface, theta: f64) -> SpectrumId {
+    let Split { diffuse, specular, .. } = &surface.split;
+    let ([(j, w), (k, v)], [(l, x), (m, y)]) = (diffuse.weights(theta), specular.weights(theta));
+    let (a, b, c, d) = (diffuse.spectrum(j), diffuse.spectrum(k), specular.spectrum(l), specular.spectrum(m));
+    paths.times(spectrum, |q| w * a[q] + v * b[q] + x * c[q] + y * d[q])
 }
 
 impl Published {
@@ -329,54 +299,45 @@ impl Published {
     fn target(&self, scenery: &Scenery, id: u32, vertex: u32, step: &Step, stream: &mut Stream, paths: &mut Paths) {
         let hit = &step.hit;
         let surface = scenery.surface(hit.material);
-        let split = surface.bsdf.split();
-        let material = hit.material.0;
+        let split = &surface.split;
         let theta = if surface.is_angular { angle(hit, step.outgoing) } else { 0.0 };
-        if surface.emission.is_some() && hit.front {
-            let factor = Factor { material, component: Component::Emission, node: 0 };
-            let chains = paths.extend(step.chains.clone(), &[(factor, 1.0)]);
-            paths.record(id, chains, Source::Own, step.weight, Term::Emission);
+        if let Some(emission) = surface.emission.as_ref().filter(|_| hit.front) {
+            let spectrum = paths.times(step.spectrum, |q| emission[q]);
+            paths.record(id, spectrum, Source::Own, step.weight, Term::Emission);
         }
         let sky = self.sky_of(scenery, hit);
         paths.samples[id as usize].sky_view = sky.closed.unwrap_or(f64::NAN);
 
-        let specular_component = if self.with.corrected || self.treatment == Treatment::Ideal {
-            Component::Specular
-        } else {
-            Component::Printed
-        };
-        let table = if specular_component == Component::Printed { &split.printed } else { &split.specular };
-        let (diffuse, specular) = match self.treatment {
-            Treatment::Split => (
-                factors(material, Component::Diffuse, &split.diffuse, theta),
-                factors(material, specular_component, table, theta),
-            ),
-            Treatment::Ideal => {
-                // Either, never both: the larger component at the nadir decides, and the total reflectance answers.
-                let at = |theta| total_factors(surface, material, theta);
-                if surface.is_specular() {
-                    (Factors::new(), at(theta))
-                } else {
-                    (at(if self.with.corrected { theta } else { 0.0 }), Factors::new())
+        // `ideal` is either, never both: the larger component at the nadir decides, and the total reflectance answers.
+        let either = self.treatment == Treatment::Ideal;
+        let printed = !self.with.corrected && !either;
+        let has_specular = if either { surface.is_specular() } else { surface.has_specular };
+        let has_diffuse = if either { !has_specular } else { surface.has_diffuse };
+        if has_diffuse {
+            let spectrum = match self.treatment {
+                Treatment::Split => times(paths, step.spectrum, &split.diffuse, theta),
+                Treatment::Ideal => {
+                    let theta = if self.with.corrected { theta } else { 0.0 };
+                    times_total(paths, step.spectrum, surface, theta)
                 }
-            }
-        };
-        if !diffuse.is_empty() && (self.treatment == Treatment::Ideal || surface.has_diffuse) {
-            let chains = paths.extend(step.chains.clone(), &diffuse);
-            let step = Step { chains, ..copy(step) };
-            paths.record(id, step.chains.clone(), Source::Sun { vertex }, step.weight / PI, Term::DiffuseSun);
+            };
+            let step = Step { spectrum, ..*step };
+            paths.record(id, spectrum, Source::Sun { vertex }, step.weight / PI, Term::DiffuseSun);
             self.hemisphere(scenery, id, &step, &sky, None, stream, paths);
         }
-        if !specular.is_empty() && surface.has_specular {
-            let chains = paths.extend(step.chains.clone(), &specular);
-            // The printed R_s may be a BRF; the overlap of lobe and disk takes the lobe's reflectance.
-            let glint = if specular_component == Component::Printed && self.with.conserving_glint {
-                paths.extend(step.chains.clone(), &factors(material, Component::Specular, &split.specular, theta))
-            } else {
-                chains.clone()
+        if has_specular && surface.has_specular {
+            let spectrum = match self.treatment {
+                Treatment::Split if printed => times(paths, step.spectrum, &split.printed, theta),
+                Treatment::Split => times(paths, step.spectrum, &split.specular, theta),
+                Treatment::Ideal => times_total(paths, step.spectrum, surface, theta),
             };
-            let step = Step { chains, by_mirror: true, ..copy(step) };
-            self.mirror(scenery, id, vertex, &step, glint, surface.bsdf.split().lobe_solid_angle(theta), stream, paths);
+            // The printed R_s may be a BRF; the overlap of lobe and disk takes the lobe's reflectance.
+            let glint = match printed && self.with.conserving_glint {
+                true => times(paths, step.spectrum, &split.specular, theta),
+                false => spectrum,
+            };
+            let step = Step { spectrum, by_mirror: true, ..*step };
+            self.mirror(scenery, id, vertex, &step, glint, split.lobe_solid_angle(theta), stream, paths);
         }
         if paths.samples[id as usize].sky_view.is_nan() {
             let seen = self.escape(scenery, hit, stream, paths).is_some();
@@ -393,7 +354,7 @@ impl Published {
 
     /// The sky of a facet whose F has a closed form.
     fn closed_sky(&self, normal: DVec3, f: f64) -> (Source, f64) {
-        if self.with.directional_sky { (Source::OpenSky(normal), 1.0) } else { (Source::MeanSky, f) }
+        if self.with.directional_sky { (Source::OpenSky { normal, unless: None }, 1.0) } else { (Source::MeanSky, f) }
     }
 
     /// A cosine-weighted ray from a facet; its direction where it meets nothing but sky.
@@ -429,12 +390,12 @@ impl Published {
             match other.closed {
                 Some(f) => {
                     let (source, weight) = self.closed_sky(other.hit.normal, f);
-                    paths.record(id, step.chains.clone(), source, step.weight * weight, sky_term);
+                    paths.record(id, step.spectrum, source, step.weight * weight, sky_term);
                 }
                 None => {
                     if let Some(direction) = self.escape(scenery, &other.hit, stream, paths) {
-                        let source = if self.with.directional_sky { Source::Sky(direction) } else { Source::MeanSky };
-                        paths.record(id, step.chains.clone(), source, step.weight, sky_term);
+                        let source = if self.with.directional_sky { Source::Sky { direction, seen: None } } else { Source::MeanSky };
+                        paths.record(id, step.spectrum, source, step.weight, sky_term);
                     }
                 }
             }
@@ -444,7 +405,7 @@ impl Published {
             paths.rays.hemisphere_open += 1;
             if shows_sky {
                 let (source, weight) = self.closed_sky(own_sky.hit.normal, f);
-                paths.record(id, step.chains.clone(), source, step.weight * weight, sky_term);
+                paths.record(id, step.spectrum, source, step.weight * weight, sky_term);
             }
             if looks_further && f < 1.0 {
                 // All that is not sky lies below the horizon of the facet's hemisphere.
@@ -485,8 +446,8 @@ impl Published {
                 None if direction.cos_zenith() > 0.0 => {
                     seen += 1;
                     if shows_sky {
-                        let source = if self.with.directional_sky { Source::Sky(direction) } else { Source::MeanSky };
-                        paths.record(id, step.chains.clone(), source, share, sky_term);
+                        let source = if self.with.directional_sky { Source::Sky { direction, seen: None } } else { Source::MeanSky };
+                        paths.record(id, step.spectrum, source, share, sky_term);
                     }
                 }
                 None => {}
@@ -514,15 +475,13 @@ impl Published {
         paths: &mut Paths,
     ) {
         let surface = scenery.surface(hit.material);
-        let split = surface.bsdf.split();
-        let material = hit.material.0;
+        let split = &surface.split;
         let depth = from.depth + 1;
         let term = background_term(from.by_mirror);
         let outgoing = -direction;
-        if surface.emission.is_some() && hit.front {
-            let factor = Factor { material, component: Component::Emission, node: 0 };
-            let chains = paths.extend(from.chains.clone(), &[(factor, 1.0)]);
-            paths.record(id, chains, Source::Own, weight, term);
+        if let Some(emission) = surface.emission.as_ref().filter(|_| hit.front) {
+            let spectrum = paths.times(from.spectrum, |q| emission[q]);
+            paths.record(id, spectrum, Source::Own, weight, term);
         }
         if depth > ROULETTE_FROM && self.with.depth.is_none() {
             let survival = surface.brightest.min(1.0);
@@ -541,44 +500,26 @@ impl Published {
             let (d, s) = surface.mean_components(theta);
             let specular = s / (s + d);
             if stream.next1() < specular {
-                let mut reflectance = factors(material, Component::Specular, &split.specular, theta);
-                if depth > BOTH_NODES_TO {
-                    reflectance = drawn(reflectance, stream);
-                }
-                let chains = paths.extend(from.chains.clone(), &reflectance);
+                let spectrum = times(paths, from.spectrum, &split.specular, theta);
                 let vertex = self.vertex(hit, false, stream, paths);
                 let weight = weight / specular;
-                let step = Step { hit, outgoing, chains, weight, depth, by_mirror: from.by_mirror };
-                let glint = step.chains.clone();
-                self.mirror(
-                    scenery,
-                    id,
-                    vertex,
-                    &step,
-                    glint,
-                    surface.bsdf.split().lobe_solid_angle(theta),
-                    stream,
-                    paths,
-                );
+                let step = Step { hit, outgoing, spectrum, weight, depth, by_mirror: from.by_mirror };
+                self.mirror(scenery, id, vertex, &step, spectrum, split.lobe_solid_angle(theta), stream, paths);
                 return;
             }
             share = 1.0 / (1.0 - specular);
         }
-        let mut reflectance = match self.treatment {
+        let spectrum = match self.treatment {
             // `ideal` always takes the background as diffuse, whatever its label: its total reflectance answers.
-            Treatment::Ideal => total_factors(surface, material, theta),
-            Treatment::Split if surface.has_diffuse => factors(material, Component::Diffuse, &split.diffuse, theta),
+            Treatment::Ideal => times_total(paths, from.spectrum, surface, theta),
+            Treatment::Split if surface.has_diffuse => times(paths, from.spectrum, &split.diffuse, theta),
             Treatment::Split => return,
         };
-        if depth > BOTH_NODES_TO {
-            reflectance = drawn(reflectance, stream);
-        }
-        let chains = paths.extend(from.chains.clone(), &reflectance);
         let vertex = self.vertex(hit, false, stream, paths);
         let weight = weight * share;
-        paths.record(id, chains.clone(), Source::Sun { vertex }, weight / PI, term);
+        paths.record(id, spectrum, Source::Sun { vertex }, weight / PI, term);
         let printed_mirror_without_sky = from.by_mirror && self.treatment == Treatment::Ideal && !self.with.corrected;
-        let step = Step { hit, outgoing, chains, weight, depth, by_mirror: from.by_mirror };
+        let step = Step { hit, outgoing, spectrum, weight, depth, by_mirror: from.by_mirror };
         if printed_mirror_without_sky && !self.goes_on(depth) {
             // Eq. 3.11 gives the background of a mirror the sun alone.
             return;
@@ -589,7 +530,7 @@ impl Published {
         self.hemisphere(scenery, id, &step, &own, other, stream, paths);
     }
 
-    /// The specular component: the sun (through the chains `glint`), the sky or a surface in the mirror direction.
+    /// The specular component: the sun (through the spectrum `glint`), the sky or a surface in the mirror direction.
     #[allow(clippy::too_many_arguments)]
     fn mirror(
         &self,
@@ -597,7 +538,7 @@ impl Published {
         id: u32,
         vertex: u32,
         step: &Step,
-        glint: Range<u32>,
+        glint: SpectrumId,
         solid_angle: f64,
         stream: &mut Stream,
         paths: &mut Paths,
@@ -611,7 +552,7 @@ impl Published {
             if first { (Term::SpecularSun, Term::SpecularSky) } else { [background_term(step.by_mirror); 2].into() };
         if self.treatment == Treatment::Ideal && !self.with.corrected && !self.with.conserving_glint {
             // Eq. 3.11: (E_s/π) I'_t τ₁ cos θ_s R(θ_v), without a test of the mirror direction.
-            paths.record(id, step.chains.clone(), Source::Sun { vertex }, step.weight / PI, sun_term);
+            paths.record(id, step.spectrum, Source::Sun { vertex }, step.weight / PI, sun_term);
         } else {
             let law = match (self.with.corrected, self.with.conserving_glint) {
                 (_, true) => GlintLaw::Conserving,
@@ -628,15 +569,11 @@ impl Published {
                 self.background(scenery, id, step, hit, direction, step.weight, stream, paths);
             }
             None if direction.cos_zenith() > 0.0 => {
-                paths.record(id, step.chains.clone(), Source::Sky(direction), step.weight, sky_term);
+                paths.record(id, step.spectrum, Source::Sky { direction, seen: None }, step.weight, sky_term);
             }
             _ => {}
         }
     }
-}
-
-fn copy(step: &Step) -> Step {
-    Step { chains: step.chains.clone(), ..*step }
 }
 
 fn background_term(by_mirror: bool) -> Term {
@@ -646,72 +583,4 @@ fn background_term(by_mirror: bool) -> Term {
 /// Angle between a surface's normal and a direction that leaves it \[rad\].
 fn angle(hit: &Hit, outgoing: WorldDir) -> f64 {
     hit.normal.dot(outgoing.vec()).clamp(0.0, 1.0).acos()
-}
-
-fn hemisphere_direction(hit: &Hit, stream: &mut Stream) -> WorldDir {
-    Frame::about(hit.normal).to_world(LocalDir::from_unit(cosine_hemisphere(stream.next2())))
-}
-
-/// A cosine-weighted direction of the facet's hemisphere, given that it points below the horizon; `None` where the facet
-/// is level.
-///
-/// Cosine-weighted directions are uniform in Nusselt's disk about the normal. The horizon is there the half-ellipse
-/// y = cos β √(1 − x²), x along the strike and y downhill, so squeezing the disk's chords into what lies beyond it keeps
-/// the points uniform.
-fn below_horizon(hit: &Hit, stream: &mut Stream) -> Option<WorldDir> {
-    let normal = hit.normal;
-    let cos_tilt = normal.z.clamp(-1.0, 1.0);
-    if cos_tilt >= 1.0 {
-        return None;
-    }
-    let [x, chord] = concentric_disk(stream.next2());
-    let rim = (1.0 - x * x).max(0.0).sqrt();
-    let y = 0.5 * ((1.0 + cos_tilt) * rim + (1.0 - cos_tilt) * chord);
-    let z = (rim * rim - y * y).max(0.0).sqrt();
-    let down = (normal.z * normal - DVec3::Z).try_normalize().unwrap_or(DVec3::X);
-    let strike = down.cross(normal);
-    Some(WorldDir::new(x * strike + y * down + z * normal))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use std::f64::consts::FRAC_PI_2;
-    use sunglint_geometry::{FacetId, MaterialId};
-
-    /// Directions below the horizon of a facet tilted by β carry the mean cosine to the normal of that lune:
-    /// ∫ cos² dω / ∫ cos dω, here by brute-force rejection from the whole hemisphere, within 4 standard errors.
-    #[test]
-    fn the_lune_below_the_horizon_is_cosine_weighted() {
-        for beta in [0.3, FRAC_PI_2, 2.5, PI] {
-            let normal = DVec3::new(beta.sin() * 0.6, -beta.sin() * 0.8, beta.cos());
-            let hit = Hit {
-                t: 1.0,
-                point: DVec3::ZERO,
-                error: 0.0,
-                normal,
-                front: true,
-                material: MaterialId(0),
-                instance: 0,
-                facet: FacetId(0),
-            };
-            let n = 20_000;
-            let moments = |draws: &[DVec3]| {
-                let n = draws.len() as f64;
-                let mean = draws.iter().map(|d| d.dot(normal)).sum::<f64>() / n;
-                (mean, (draws.iter().map(|d| (d.dot(normal) - mean).powi(2)).sum::<f64>() / n / n).sqrt())
-            };
-            let direct: Vec<DVec3> =
-                (0..n).map(|i| below_horizon(&hit, &mut Stream::new(1, 0, 0, 0, i)).unwrap().vec()).collect();
-            assert!(direct.iter().all(|d| d.z <= 1e-9 && d.dot(normal) >= -1e-12));
-            let rejected: Vec<DVec3> = (0..4 * n)
-                .map(|i| hemisphere_direction(&hit, &mut Stream::new(2, 0, 0, 0, i)).vec())
-                .filter(|d| d.z < 0.0)
-                .collect();
-            let share = rejected.len() as f64 / f64::from(4 * n);
-            assert!((share - 0.5 * (1.0 - beta.cos())).abs() < 0.01, "share of the lune at β = {beta}");
-            let (a, b) = (moments(&direct), moments(&rejected));
-            assert!((a.0 - b.0).abs() < 4.0 * a.1.hypot(b.1), "β = {beta}: {a:?} {b:?}");
-        }
-    }
 }

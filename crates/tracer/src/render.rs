@@ -1,7 +1,6 @@
 //! Tiles: all pixels of a tile, at all times of its view.
 
 use std::ops::Range;
-use std::sync::Arc;
 
 use sunglint_atmosphere::Path;
 use sunglint_geometry::Ray;
@@ -9,17 +8,15 @@ use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
 use crate::light::{Block, BlockLight, PixelLight, PixelRadiance, Term};
 use crate::paths::{Paths, RayCounts};
-use crate::sightline::{self, Shares, Sightline, Sightlines};
-use crate::{Algorithm, Illumination, Scenery, Stream};
+use crate::sightline::{self, Lattice, Shares};
+use crate::{Algorithm, Lights, Nodes, Scenery, Stream};
 
 /// Pixels along a side of a tile: the unit of resuming and of sharing work.
 const TILE: u32 = 32;
 /// Pixels along a side of a block: the unit in which paths are kept and sun rays proved unnecessary.
 const BLOCK: u32 = 8;
-/// Chains of reflectances in one block after which its paths are lit and dropped.
-const CHAIN_LIMIT: usize = 2048;
-/// Records in one block after which its paths are lit and dropped.
-const RECORD_LIMIT: usize = 200_000;
+/// Bytes of the paths of one block after which they are lit and dropped.
+const PATHS_LIMIT: usize = 1 << 25;
 
 /// How accurate a render is.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,8 +48,10 @@ pub struct View<'a> {
     pub pixels: (u32, u32),
     /// Output channels.
     pub channels: &'a Channels,
+    /// The wavelengths that stand for each channel.
+    pub nodes: &'a Nodes,
     /// The times.
-    pub times: &'a [Arc<Illumination>],
+    pub times: &'a [Lights],
     /// How accurate.
     pub accuracy: Accuracy,
     /// The scene's seed.
@@ -61,6 +60,16 @@ pub struct View<'a> {
     pub id: u64,
     /// Whether the radiance that leaves the surface is wanted.
     pub surface_radiance: bool,
+}
+
+impl View<'_> {
+    /// Where its lines of sight are solved.
+    fn lattice(&self) -> Lattice<'_> {
+        let world = &self.scenery.world;
+        let facets = world.bounds().map(|(low, _)| low.z);
+        let floor = facets.into_iter().chain(world.ground().map(|ground| ground.height)).fold(f64::INFINITY, f64::min);
+        Lattice::new(self.sight, self.pixels, if floor.is_finite() { floor } else { f64::NEG_INFINITY })
+    }
 }
 
 /// A rectangle of pixels.
@@ -133,7 +142,7 @@ struct PixelPaths {
     /// Image coordinates of its middle.
     middle: [f64; 2],
     /// Lines of sight of its clusters of samples; `None` leaves the scene.
-    sights: Vec<Option<Sightline>>,
+    sights: Vec<Option<Path>>,
 }
 
 /// Renders a tile at all times of its view.
@@ -149,7 +158,7 @@ pub fn render_tile(view: &View<'_>, tile: Tile) -> TileResult {
         samples: vec![0.0; n_pixels],
         rays: RayCounts::default(),
     };
-    let mut paths = Paths::default();
+    let mut paths = Paths::new(view.nodes.len());
     for by in (0..tile.height).step_by(BLOCK as usize) {
         for bx in (0..tile.width).step_by(BLOCK as usize) {
             let rows = by..(by + BLOCK).min(tile.height);
@@ -163,7 +172,7 @@ pub fn render_tile(view: &View<'_>, tile: Tile) -> TileResult {
                 result.samples[index] = count as f32;
                 pending.push(trace_pixel(view, pixel, index, count, 0, &mut paths));
                 truth_of_pixel(view, pixel, index, n_pixels, &pending[pending.len() - 1], &paths, &mut result);
-                if paths.chains.len() > CHAIN_LIMIT || paths.records.len() > RECORD_LIMIT {
+                if paths.size() > PATHS_LIMIT {
                     light_block(view, &mut pending, &mut paths, n_pixels, &mut result);
                 }
             }
@@ -210,7 +219,7 @@ fn samples_of_block(view: &View<'_>, tile: Tile, block: &[(u32, u32)], rays: &mu
         Accuracy::Error { relative, floor, most } => (relative, floor, most),
     };
     const PILOT: u32 = REPLICATES as u32;
-    let mut paths = Paths::default();
+    let mut paths = Paths::new(view.nodes.len());
     let mut pilots = Vec::new();
     let mut materials = Vec::new();
     for (i, (x, y)) in block.iter().enumerate() {
@@ -220,8 +229,8 @@ fn samples_of_block(view: &View<'_>, tile: Tile, block: &[(u32, u32)], rays: &mu
     }
     // Standard error and mean of every pixel, time and channel.
     let mut estimates: Vec<Vec<Estimate>> = vec![Vec::new(); block.len()];
-    let sights = sightlines(view, &pilots);
-    let lightable = Lightable::new(view, &pilots, &sights, &paths, false);
+    let lattice = view.lattice();
+    let lightable = Lightable::new(view, &pilots, &lattice, &paths, false);
     for time in view.times {
         *rays += lightable.light(time, |pixel, lit, _| {
             estimates[pixel.index].extend(lit.radiance.iter().map(|replicates| estimate(replicates)));
@@ -251,42 +260,41 @@ fn samples_of_block(view: &View<'_>, tile: Tile, block: &[(u32, u32)], rays: &mu
 /// Traced pixels with all that their times share.
 struct Lightable<'a> {
     block: Block<'a>,
-    pixels: Vec<(&'a PixelPaths, PixelLight, &'a [Shares])>,
+    pixels: Vec<(&'a PixelPaths, PixelLight, Vec<Option<Shares>>)>,
     surface: bool,
     by_term: bool,
 }
 
 impl<'a> Lightable<'a> {
-    fn new(view: &View<'a>, pixels: &'a [PixelPaths], sights: &'a Sightlines, paths: &'a Paths, by_term: bool) -> Self {
-        let block = Block {
-            scenery: view.scenery,
-            paths,
-            channels: view.channels,
-            lighting: view.algorithm.lighting(),
-            groups: paths.facet_groups(),
-            nodes: &sights.nodes,
+    fn new(
+        view: &View<'a>,
+        pixels: &'a [PixelPaths],
+        lattice: &'a Lattice<'a>,
+        paths: &'a Paths,
+        by_term: bool,
+    ) -> Self {
+        let lighting = view.algorithm.lighting();
+        let block = Block::new(view.scenery, paths, (view.channels, view.nodes), lighting, lattice);
+        let shares = |pixel: &PixelPaths| {
+            let of_path = |path: &Path| lattice.shares(pixel.middle, path.length);
+            pixel.sights.iter().map(|sight| sight.as_ref().map(of_path)).collect()
         };
-        let pixels = (pixels.iter().zip(&sights.of_pixels))
-            .map(|(pixel, shares)| (pixel, PixelLight::new(paths, pixel.records.clone(), by_term), shares.as_slice()))
+        let pixels = (pixels.iter())
+            .map(|pixel| (pixel, PixelLight::new(&block, pixel.records.clone(), by_term), shares(pixel)))
             .collect();
         Self { block, pixels, surface: view.surface_radiance, by_term }
     }
 
     /// Lights the pixels at one time and hands each to `each`, with its sun-lit fraction.
-    fn light(&self, time: &Illumination, mut each: impl FnMut(&PixelPaths, PixelRadiance, f64)) -> RayCounts {
-        let (mut light, rays) = BlockLight::new(&self.block, time);
+    fn light(&self, time: &Lights, mut each: impl FnMut(&PixelPaths, PixelRadiance, f64)) -> RayCounts {
+        let mut light = BlockLight::new(&self.block, time);
         for (pixel, records, sights) in &self.pixels {
             let samples = pixel.samples.clone();
             let lit = light.lit_fraction(samples.clone());
             each(pixel, light.pixel(records, samples, sights, self.surface, self.by_term), lit);
         }
-        rays
+        light.rays()
     }
-}
-
-/// Where τ₂ and L_u are needed for some pixels, and what each of their clusters takes of it.
-fn sightlines(view: &View<'_>, pixels: &[PixelPaths]) -> Sightlines {
-    Sightlines::new(pixels.iter().map(|pixel| (pixel.middle, pixel.sights.as_slice())), view.sight)
 }
 
 /// Lights the pending pixels at every time, writes them out and drops their paths.
@@ -298,8 +306,8 @@ fn light_block(
     result: &mut TileResult,
 ) {
     let n_channels = view.channels.len();
-    let sights = sightlines(view, pending);
-    let lightable = Lightable::new(view, pending, &sights, paths, false);
+    let lattice = view.lattice();
+    let lightable = Lightable::new(view, pending, &lattice, paths, false);
     for (t, time) in view.times.iter().enumerate() {
         let rays = lightable.light(time, |pixel, radiance, lit| {
             for c in 0..n_channels {
@@ -383,7 +391,7 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
     let block: Vec<(u32, u32)> = (0..tile.height).flat_map(|y| (0..tile.width).map(move |x| (x, y))).collect();
     let counts = samples_of_block(view, tile, &block, &mut RayCounts::default());
     let at = ((pixel.1 - y) * tile.width + pixel.0 - x) as usize;
-    let mut paths = Paths::default();
+    let mut paths = Paths::new(view.nodes.len());
     let traced = [trace_pixel(view, pixel, 0, counts[at], 0, &mut paths)];
     let samples = &paths.samples[traced[0].samples.clone()];
     let n = samples.len() as f64;
@@ -396,13 +404,13 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         sky_view: samples.iter().map(|sample| sample.sky_view).sum::<f64>() / n,
         lit: 0.0,
         sights: (traced[0].sights.iter().enumerate())
-            .map(|(q, sight)| (sight.as_ref().map(|sight| sight.path), share(q)))
+            .map(|(q, sight)| (*sight, share(q)))
             .collect(),
         samples: counts[at],
     };
     let view = View { surface_radiance: true, ..*view };
-    let sights = sightlines(&view, &traced);
-    Lightable::new(&view, &traced, &sights, &paths, true).light(&view.times[time], |_, lit, fraction| {
+    let lattice = view.lattice();
+    Lightable::new(&view, &traced, &lattice, &paths, true).light(&view.times[time], |_, lit, fraction| {
         out.radiance = lit.radiance.iter().map(|replicates| estimate(replicates)).collect();
         out.surface = lit.surface.iter().map(|replicates| estimate(replicates)).collect();
         out.terms = lit.terms;

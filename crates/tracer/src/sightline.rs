@@ -1,17 +1,16 @@
 //! Lines of sight from targets to the sensor: where τ₂ and L_u are solved, and how pixels share them.
 //!
-//! A provider solves a path for all wavelengths at once, which costs as much as lighting a pixel. So the samples of a
-//! pixel whose ranges agree share one line of sight, and pixels of a block that see the same facet take theirs from the
-//! block's four corners, bilinearly: τ₂ and L_u enter a pixel's radiance linearly, so the interpolation is done on channel
-//! values. What does not lie on one facet, or reaches too far, is solved by itself.
+//! A provider solves a path for all wavelengths at once, which costs as much as lighting many pixels. So paths are solved at
+//! the knots of a lattice over the image and the range, and a pixel's samples take theirs from the knots around, linearly in
+//! each: τ₂ and L_u enter a pixel's radiance linearly. Knots belong to the whole image, so that a pixel is the same in
+//! whatever part of it is rendered.
 
-use std::collections::HashMap;
 use std::ops::Range;
 
 use glam::DVec3;
 use smallvec::SmallVec;
 use sunglint_atmosphere::Path;
-use sunglint_geometry::{FacetId, Ray};
+use sunglint_geometry::Ray;
 use sunglint_radiometry::WorldDir;
 
 use crate::paths::Paths;
@@ -19,18 +18,122 @@ use crate::paths::Paths;
 /// Samples of a pixel share a line of sight where their ranges agree within this factor: the error is of second order
 /// in the extinction over the difference.
 const CLUSTER_RATIO: f64 = 1.1;
-/// Pixels interpolate between a block's corners where the corners' ranges agree within this factor: at an optical depth
-/// of 1 along the path the error is below (0.06)²/8 = 5e-4.
-const CORNER_RATIO: f64 = 1.06;
-/// Fewest clusters that are worth four corners.
-const WORTH_CORNERS: usize = 6;
+/// Ranges of knots: steps of so many metres, then of this factor. At an optical depth of 1 along the path a line between two
+/// knots errs by (0.06)²/8 = 5e-4.
+const RANGE_STEP: f64 = 10.0;
+const RANGE_RATIO: f64 = 1.06;
+/// Rungs of the first kind: from here on a factor is more than a step.
+const EVEN_RUNGS: u32 = 17;
+/// Directions of neighbouring knots differ by no more than about this \[rad\].
+const KNOT_ANGLE: f64 = 0.02;
+/// Steps between knots \[pixels\], the widest first.
+const KNOT_STEPS: [u32; 3] = [32, 16, 8];
 
-/// The line of sight of a cluster of samples.
-#[derive(Clone, Debug)]
-pub(crate) struct Sightline {
-    pub path: Path,
-    /// The facet that all its samples hit, and its plane (normal, point).
-    facet: Option<(FacetId, DVec3, DVec3)>,
+/// Range of a rung \[m\].
+fn rung(i: u32) -> f64 {
+    match i.checked_sub(EVEN_RUNGS) {
+        None => RANGE_STEP * f64::from(i),
+        Some(above) => RANGE_STEP * f64::from(EVEN_RUNGS) * RANGE_RATIO.powi(above as i32),
+    }
+}
+
+/// The rung below a range.
+fn rung_below(range: f64) -> u32 {
+    let even = RANGE_STEP * f64::from(EVEN_RUNGS);
+    let guess = match range < even {
+        true => (range / RANGE_STEP) as u32,
+        false => EVEN_RUNGS + ((range / even).ln() / RANGE_RATIO.ln()) as u32,
+    };
+    // Rounding may have passed a rung by.
+    if rung(guess) > range { guess.saturating_sub(1) } else { guess }
+}
+
+/// A place of the lattice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(crate) struct Knot {
+    x: u32,
+    y: u32,
+    rung: u32,
+}
+
+/// Shares of knots; they sum to 1.
+pub(crate) type Shares = SmallVec<[(Knot, f64); 8]>;
+
+/// The lattice of a view.
+pub(crate) struct Lattice<'a> {
+    sight: &'a (dyn Fn(f64, f64) -> Ray + Sync),
+    pixels: (u32, u32),
+    step: u32,
+    /// Height below which nothing is met \[m\].
+    floor: f64,
+}
+
+impl<'a> Lattice<'a> {
+    pub fn new(sight: &'a (dyn Fn(f64, f64) -> Ray + Sync), pixels: (u32, u32), floor: f64) -> Self {
+        let (w, h) = (f64::from(pixels.0), f64::from(pixels.1));
+        // The widest angle of a pixel, in the middle and at the corners of the image.
+        let widest = [(0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
+            .map(|(u, v)| {
+                let at = |dx: f64, dy: f64| sight(u * w + dx, v * h + dy).direction;
+                at(0.0, 0.0).angle_to(at(1.0, 0.0)).max(at(0.0, 0.0).angle_to(at(0.0, 1.0)))
+            })
+            .into_iter()
+            .fold(0.0, f64::max);
+        let fits = |step: &&u32| f64::from(**step) * widest <= KNOT_ANGLE;
+        let step = *KNOT_STEPS.iter().find(fits).unwrap_or(&KNOT_STEPS[KNOT_STEPS.len() - 1]);
+        Self { sight, pixels, step, floor }
+    }
+
+    fn place(&self, knot: Knot) -> [f64; 2] {
+        let at = |k: u32, n: u32| f64::from((k * self.step).min(n));
+        [at(knot.x, self.pixels.0), at(knot.y, self.pixels.1)]
+    }
+
+    /// The knot's ray, and its range: that of its rung, unless the ray would be below all that can be met.
+    fn ray(&self, knot: Knot) -> (Ray, f64) {
+        let [x, y] = self.place(knot);
+        let ray = (self.sight)(x, y);
+        let down = -ray.direction.vec().z;
+        let to_floor = if down > 0.0 { (ray.origin.z - self.floor) / down } else { f64::INFINITY };
+        let range = rung(knot.rung);
+        (ray, if to_floor > 0.0 { range.min(to_floor) } else { range })
+    }
+
+    /// The path from a knot's target to the sensor; `None` where it has no length.
+    pub fn path(&self, knot: Knot) -> Option<Path> {
+        let (ray, range) = self.ray(knot);
+        (range > 0.0).then(|| path_to(ray.origin, ray.at(range), range, -ray.direction))
+    }
+
+    /// What a target at a range along the ray through a place of the image takes of the knots around.
+    pub fn shares(&self, [x, y]: [f64; 2], range: f64) -> Shares {
+        let below = rung_below(range);
+        let axis = |at: f64, n: u32| {
+            let last = n.saturating_sub(1) / self.step;
+            let k = ((at / f64::from(self.step)) as u32).min(last);
+            let (from, to) = (f64::from(k * self.step), f64::from(((k + 1) * self.step).min(n)));
+            (k, ((at - from) / (to - from)).clamp(0.0, 1.0))
+        };
+        let ((i, u), (j, v)) = (axis(x, self.pixels.0), axis(y, self.pixels.1));
+        let mut shares = Shares::new();
+        for (dx, dy, weight) in
+            [(0, 0, (1.0 - u) * (1.0 - v)), (1, 0, u * (1.0 - v)), (0, 1, (1.0 - u) * v), (1, 1, u * v)]
+        {
+            if weight == 0.0 {
+                continue;
+            }
+            let [low, high] = [below, below + 1].map(|rung| Knot { x: i + dx, y: j + dy, rung });
+            let (a, b) = (self.ray(low).1, self.ray(high).1);
+            // Steeper rays end sooner: beyond the floor the last stretch is held on.
+            let t = if b - a > 1e-9 * b { (range - a) / (b - a) } else { 0.0 };
+            if t.is_finite() && t.abs() < 4.0 {
+                shares.extend([(low, weight * (1.0 - t)), (high, weight * t)]);
+            } else {
+                shares.push((high, weight));
+            }
+        }
+        shares
+    }
 }
 
 fn path_to(sensor: DVec3, target: DVec3, length: f64, away: WorldDir) -> Path {
@@ -40,7 +143,7 @@ fn path_to(sensor: DVec3, target: DVec3, length: f64, away: WorldDir) -> Path {
 
 /// Groups a pixel's samples by range and marks each with its group; returns the line of sight of each group, from its
 /// mean hit to the origin of the pixel's middle ray, and `None` for the samples that leave the scene.
-pub(crate) fn cluster(paths: &mut Paths, samples: Range<usize>, middle: &Ray) -> Vec<Option<Sightline>> {
+pub(crate) fn cluster(paths: &mut Paths, samples: Range<usize>, middle: &Ray) -> Vec<Option<Path>> {
     const MOST: usize = u8::MAX as usize - 1;
     let mut order: Vec<usize> = samples.clone().filter(|i| paths.samples[*i].vertex.is_some()).collect();
     let ranges = order.iter().map(|i| paths.samples[*i].range);
@@ -51,27 +154,21 @@ pub(crate) fn cluster(paths: &mut Paths, samples: Range<usize>, middle: &Ray) ->
         // One group holds them all, whatever their order, if the nearest stands first.
         order.swap(0, nearest);
     }
-    let mut sights: Vec<Option<Sightline>> = Vec::new();
+    let mut sights: Vec<Option<Path>> = Vec::new();
     let mut rest = order.as_slice();
     while let Some(first) = rest.first() {
         let reach = if sights.len() == MOST { f64::INFINITY } else { paths.samples[*first].range * CLUSTER_RATIO };
         let (group, later) = rest.split_at(rest.partition_point(|i| paths.samples[*i].range <= reach).max(1));
         rest = later;
         let (mut point, mut range) = (DVec3::ZERO, 0.0);
-        let mut facet = None;
-        let mut one_facet = true;
         for i in group {
             let sample = &mut paths.samples[*i];
             sample.cluster = sights.len() as u8;
             range += sample.range;
-            let hit = &paths.vertices[sample.vertex.expect("only hits are ordered") as usize].hit;
-            point += hit.point;
-            let (id, _, _) = *facet.get_or_insert((hit.facet, hit.normal, hit.point));
-            one_facet &= id == hit.facet;
+            point += paths.vertices[sample.vertex.expect("only hits are ordered") as usize].hit.point;
         }
         let n = group.len() as f64;
-        let path = path_to(middle.origin, point / n, range / n, -middle.direction);
-        sights.push(Some(Sightline { path, facet: facet.filter(|_| one_facet) }));
+        sights.push(Some(path_to(middle.origin, point / n, range / n, -middle.direction)));
     }
     if order.len() < samples.len() {
         for sample in paths.samples[samples].iter_mut().filter(|sample| sample.vertex.is_none()) {
@@ -82,71 +179,36 @@ pub(crate) fn cluster(paths: &mut Paths, samples: Range<usize>, middle: &Ray) ->
     sights
 }
 
-/// What a cluster takes of the solved paths: node and share; `None` looks at the sky itself.
-pub(crate) type Shares = Option<SmallVec<[(u32, f64); 4]>>;
+#[cfg(test)]
+mod tests {
+    use super::*;
 
-/// Where paths are solved for a block of pixels.
-#[derive(Debug, Default)]
-pub(crate) struct Sightlines {
-    pub nodes: Vec<Path>,
-    /// By pixel and cluster.
-    pub of_pixels: Vec<Vec<Shares>>,
-}
-
-impl Sightlines {
-    pub fn new<'a>(
-        pixels: impl Iterator<Item = ([f64; 2], &'a [Option<Sightline>])>,
-        sight: &dyn Fn(f64, f64) -> Ray,
-    ) -> Self {
-        let pixels: Vec<_> = pixels.collect();
-        let mut by_facet: HashMap<FacetId, usize> = HashMap::new();
-        let facets = || pixels.iter().flat_map(|(_, sights)| sights.iter().flatten()).filter_map(|s| s.facet);
-        facets().for_each(|(id, _, _)| *by_facet.entry(id).or_default() += 1);
-        let bound =
-            |axis: usize, start: f64, f: fn(f64, f64) -> f64| pixels.iter().map(|(m, _)| m[axis]).fold(start, f);
-        let (x0, x1) = (bound(0, f64::INFINITY, f64::min), bound(0, 0.0, f64::max));
-        let (y0, y1) = (bound(1, f64::INFINITY, f64::min), bound(1, 0.0, f64::max));
-        let rays = [(x0, y0), (x1, y0), (x0, y1), (x1, y1)].map(|(x, y)| sight(x, y));
-
-        let mut out = Self::default();
-        let mut corners: HashMap<FacetId, Option<u32>> = HashMap::new();
-        for (middle, sights) in &pixels {
-            let share = |a: f64, b: f64, x: f64| if b > a { (x - a) / (b - a) } else { 0.0 };
-            let (u, v) = (share(x0, x1, middle[0]), share(y0, y1, middle[1]));
-            let weights = [(1.0 - u) * (1.0 - v), u * (1.0 - v), (1.0 - u) * v, u * v];
-            let mut shares = Vec::new();
-            for sight in *sights {
-                let Some(sight) = sight else {
-                    shares.push(None);
-                    continue;
-                };
-                let plane = sight.facet.filter(|(id, _, _)| by_facet[id] >= WORTH_CORNERS);
-                let first = plane.and_then(|(id, normal, point)| {
-                    *corners.entry(id).or_insert_with(|| corner_nodes(&rays, normal, point, &mut out.nodes))
-                });
-                shares.push(Some(match first {
-                    Some(first) => weights.iter().enumerate().map(|(i, w)| (first + i as u32, *w)).collect(),
-                    None => {
-                        out.nodes.push(sight.path);
-                        SmallVec::from_slice(&[(out.nodes.len() as u32 - 1, 1.0)])
-                    }
-                }));
-            }
-            out.of_pixels.push(shares);
+    #[test]
+    fn rungs_ascend_and_every_range_lies_between_two() {
+        for i in 0..300 {
+            assert!(rung(i + 1) > rung(i));
+            assert_eq!(rung_below(rung(i)), i);
         }
-        out
+        for range in [0.0, 1e-9, 9.999, 10.0, 169.9, 170.0, 170.1, 1e4, 7.05e5] {
+            let i = rung_below(range);
+            assert!(rung(i) <= range && range < rung(i + 1), "{range}: {i}");
+        }
     }
-}
 
-/// Adds the paths where a block's corner rays meet a plane, if all do at about the same range; index of the first.
-fn corner_nodes(rays: &[Ray; 4], normal: DVec3, point: DVec3, nodes: &mut Vec<Path>) -> Option<u32> {
-    let ranges = rays.map(|ray| normal.dot(point - ray.origin) / normal.dot(ray.direction.vec()));
-    let (near, far) =
-        ranges.iter().fold((f64::INFINITY, 0.0), |(near, far), r| (f64::min(near, *r), f64::max(far, *r)));
-    if !(near > 0.0 && far <= near * CORNER_RATIO) {
-        return None;
+    /// Shares sum to 1 and give back what is linear in place and range, on a level floor too.
+    #[test]
+    fn what_is_linear_comes_back_between_knots() {
+        let sight = |x: f64, y: f64| {
+            let direction = DVec3::new((x - 32.0) * 1e-4, (y - 24.0) * 1e-4, -1.0);
+            Ray::new(DVec3::new(0.0, 0.0, 3000.0), WorldDir::new(direction))
+        };
+        let lattice = Lattice::new(&sight, (64, 48), 0.0);
+        for (x, y, range) in [(3.5, 7.5, 2999.0), (40.5, 30.5, 3000.0), (63.5, 47.5, 120.0)] {
+            let shares = lattice.shares([x, y], range);
+            let sum = |value: &dyn Fn(Knot) -> f64| shares.iter().map(|(knot, w)| w * value(*knot)).sum::<f64>();
+            assert!((sum(&|_| 1.0) - 1.0).abs() < 1e-12);
+            assert!((sum(&|knot| lattice.ray(knot).1) / range - 1.0).abs() < 1e-9);
+            assert!((sum(&|knot| lattice.place(knot)[0]) - x).abs() < 1e-6);
+        }
     }
-    let first = nodes.len() as u32;
-    nodes.extend(rays.iter().zip(ranges).map(|(ray, r)| path_to(ray.origin, ray.at(r), r, -ray.direction)));
-    Some(first)
 }

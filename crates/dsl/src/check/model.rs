@@ -14,7 +14,7 @@ use crate::scene::ModelUse;
 use crate::{Diagnostic, Severity, Span};
 
 /// Models that the language defines and a later version brings.
-pub(super) const LATER: &[(Role, &str)] = &[(Role::Algorithm, "full"), (Role::Algorithm, "radiosity")];
+pub(super) const LATER: &[(Role, &str)] = &[(Role::Algorithm, "radiosity")];
 
 /// Approximations that algorithms may declare, each by one name.
 const APPROXIMATIONS: &[&str] = &[

@@ -1,0 +1,491 @@
+//! The algorithm `full`: the radiance integral itself [Stark1993, eq. 3.9, with its cosine and its hemisphere], by path tracing.
+//!
+//! ```text
+//! L_o(ω_o) = L_e + ∫ f(ω_i, ω_o) L_i(ω_i) cos θ_i dω_i
+//! ```
+//!
+//! At every surface f is taken apart: f = ρ/π + f_rest, and a mirror. The Lambertian part sees the sun by a ray to a point of
+//! its disk, and the sky by
+//!
+//! ```text
+//! ∫ V L_d cos θ dω = α E_open + ∫ (V − α) L_d cos θ dω
+//! ```
+//!
+//! with E_open in closed form and α = 1 where the sun is seen and 0 where something hides it: an open facet in the sun needs no
+//! ray, and one in the shade does not miss the aureole that is hidden with the sun. The rest sees the sun by that ray and by
+//! draws of its own, combined [Veach1995, balance heuristic], and the sky by its draws.
+
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+use sunglint_atmosphere::Needs;
+use sunglint_geometry::{Hit, Ray};
+use sunglint_plugin::{Args, BindError, Default, Model, ModelInfo, Param};
+use sunglint_radiometry::{Frame, LocalDir, WorldDir};
+use sunglint_reflectance::Lobes;
+
+use crate::algorithm::{Algorithm, Lighting};
+use crate::hemisphere::{above_horizon, below_horizon, hemisphere_direction, open_sky_view};
+use crate::light::Term;
+use crate::paths::{ONE, Paths, Sample, Source, SpectrumId};
+use crate::sampler::concentric_disk;
+use crate::{Scenery, Stream, Surface};
+
+/// Surfaces after which a path is played with Russian roulette.
+const ROULETTE_FROM: u32 = 3;
+/// The same for what the sensor sees in mirrors alone.
+const MIRROR_ROULETTE_FROM: u32 = 8;
+/// Surfaces after which an unlimited path ends: between perfect reflectors roulette alone would not end it.
+const DEPTH_LIMIT: u32 = 4096;
+/// Mirrors in a row through which the sun is found without luck.
+const IMAGED: u8 = 2;
+
+struct Full {
+    /// Surfaces of a path; `None` is unlimited.
+    depth: Option<u32>,
+    sun_disk: bool,
+    limb_darkening: bool,
+    directional_sky: bool,
+    adjacency: bool,
+    caustics: bool,
+}
+
+/// `full`: the exact integral.
+pub const FULL: Model<dyn Algorithm> = Model {
+    info: ModelInfo {
+        name: "full",
+        summary: "the radiance integral itself, by path tracing (Stark 1993, eq. 3.9)",
+        manual: include_str!("../manual/full.md"),
+        params: &[
+            Param::count("depth", &["unlimited"], Default::Word("unlimited"), "surfaces of a path").within(1.0, 4096.0),
+            Param::word("sun", &["disk", "point"], Default::Word("disk"), "the sun as a disk of 0.533° or a point"),
+            Param::switch("limb_darkening", false, "the disk darkens towards its limb"),
+            Param::word("sky", &["directional", "isotropic"], Default::Word("directional"), "L_d(θ, φ), or its mean"),
+            Param::switch("adjacency", true, "the ground's albedo brightens the sky"),
+            Param::switch("caustics", true, "the sun by way of mirrors onto other surfaces"),
+        ],
+    },
+    bind,
+};
+
+fn bind(args: &Args, _: &sunglint_radiometry::SpectralGrid) -> Result<Arc<dyn Algorithm>, BindError> {
+    Ok(Arc::new(Full {
+        depth: args.count("depth").map(|depth| depth as u32),
+        sun_disk: args.word("sun") != Some("point"),
+        limb_darkening: args.switch("limb_darkening").unwrap_or(false),
+        directional_sky: args.word("sky") != Some("isotropic"),
+        adjacency: args.switch("adjacency").unwrap_or(true),
+        caustics: args.switch("caustics").unwrap_or(true),
+    }))
+}
+
+/// How a path came to where it stands.
+#[derive(Clone, Copy)]
+struct Past {
+    /// By mirrors alone, or not at all: the sensor sees this surface.
+    straight: bool,
+    /// Mirrors in a row since the last surface that scatters.
+    mirrors: u8,
+    /// The first surface's mirror or lobe led here, not its Lambertian part.
+    by_lobe: bool,
+}
+
+/// Where a path stands.
+#[derive(Clone, Copy)]
+struct Step {
+    hit: Hit,
+    /// Towards where the path came from.
+    outgoing: WorldDir,
+    /// Product of the reflectances so far, and what else it is weighed with.
+    spectrum: SpectrumId,
+    weight: f64,
+    /// Largest |weight × spectrum| at the surface before, for Russian roulette.
+    before: f64,
+    /// Surfaces so far, this one included.
+    depth: u32,
+    past: Past,
+}
+
+impl Step {
+    /// The term that light scattered here belongs to.
+    fn term(&self, first: Term) -> Term {
+        match (self.depth, self.past.by_lobe) {
+            (1, _) => first,
+            (_, true) => Term::SpecularBackground,
+            (_, false) => Term::DiffuseBackground,
+        }
+    }
+}
+
+/// A path that waits.
+struct Walk<'a> {
+    scenery: &'a Scenery,
+    id: u32,
+    waiting: Vec<Step>,
+    rho: Vec<f64>,
+    f: Vec<f64>,
+}
+
+impl Algorithm for Full {
+    fn needs(&self, _: &Scenery) -> Needs {
+        Needs {
+            direct_beam: true,
+            diffuse_irradiance: true,
+            directional_sky: true,
+            path: true,
+            path_heights: None,
+        }
+    }
+
+    fn lighting(&self) -> Lighting {
+        Lighting {
+            sun_disk: self.sun_disk,
+            limb_darkening: self.limb_darkening,
+            band_means: false,
+            adjacency: self.adjacency,
+        }
+    }
+
+    fn skips(&self, scenery: &Scenery) -> Vec<String> {
+        let mut skips = Vec::new();
+        let (mirrors, normals) = scenery.mirror_counts();
+        match (mirrors, self.caustics) {
+            (0, _) => skips.push("no sun by way of mirrors: no facet is a mirror".to_string()),
+            (_, false) => skips.push(format!(
+                "no sun by way of mirrors onto other surfaces: `caustics off` ({mirrors} mirrors in {normals} planes)"
+            )),
+            _ => {}
+        }
+        if self.depth == Some(1) {
+            skips.push("no background: depth 1".to_string());
+        }
+        skips
+    }
+
+    fn estimators(&self) -> Vec<String> {
+        let depth = self.depth.map_or("any number of".to_string(), |depth| format!("up to {depth}"));
+        vec![format!(
+            "paths of {depth} surfaces; the sun by a ray from each, the sky over open facets in closed form, one ray a surface \
+             and lobe for the rest, two below the horizon and above it where the sensor sees the surface"
+        )]
+    }
+
+    fn trace(&self, scenery: &Scenery, sight: &Ray, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
+        paths.rays.camera += 1;
+        let id = paths.samples.len() as u32;
+        let Some(hit) = scenery.world.closest(sight) else {
+            paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, cluster: 0 });
+            if self.directional_sky || sight.direction.cos_zenith() <= 0.0 {
+                paths.look_out(id, sight.direction);
+            } else {
+                paths.record(id, ONE, Source::MeanSky, 1.0, Term::SkyDirect);
+                let source = Source::Disk { direction: sight.direction, density: f64::INFINITY };
+                paths.record(id, ONE, source, 1.0, Term::SkyDirect);
+            }
+            return;
+        };
+        let vertex = paths.vertices.len() as u32;
+        paths.samples.push(Sample { replicate, vertex: Some(vertex), range: hit.t, sky_view: f64::NAN, cluster: 0 });
+        let past = Past { straight: true, mirrors: 0, by_lobe: false };
+        let first = Step { hit, outgoing: -sight.direction, spectrum: ONE, weight: 1.0, before: 1.0, depth: 1, past };
+        let n = paths.n_nodes();
+        let mut walk = Walk { scenery, id, waiting: vec![first], rho: vec![0.0; n], f: vec![0.0; n] };
+        while let Some(step) = walk.waiting.pop() {
+            self.scatter(&mut walk, &step, stream, paths);
+        }
+        let sample = &mut paths.samples[id as usize];
+        if sample.sky_view.is_nan() {
+            // Nothing Lambertian looked at the sky from there: F is for the truth map alone.
+            let direction = hemisphere_direction(&hit, stream);
+            let up = direction.cos_zenith() > 0.0;
+            paths.rays.hemisphere += u64::from(up);
+            sample.sky_view = f64::from(u8::from(up && !scenery.world.occluded(&hit.leave(direction))));
+        }
+    }
+}
+
+impl Full {
+    /// Whether a path of `depth` surfaces may meet another.
+    fn goes_on(&self, depth: u32) -> bool {
+        depth < self.depth.unwrap_or(DEPTH_LIMIT)
+    }
+
+    /// One surface: what it emits, what it scatters of the sun, and where the path goes on.
+    fn scatter(&self, walk: &mut Walk<'_>, step: &Step, stream: &mut Stream, paths: &mut Paths) {
+        let (scenery, id) = (walk.scenery, walk.id);
+        let Step { hit, spectrum, weight, depth, past, .. } = *step;
+        let surface = scenery.surface(hit.material);
+        if let Some(emission) = surface.emission.as_ref().filter(|_| hit.front) {
+            let spectrum = paths.times(spectrum, |q| emission[q]);
+            paths.record(id, spectrum, Source::Own, weight, step.term(Term::Emission));
+        }
+        let disk = if self.sun_disk { concentric_disk(stream.next2()) } else { [0.0; 2] };
+        let vertex = paths.vertex(hit, past.straight, disk);
+        let lobes = surface.bsdf.lobes();
+        if lobes == Lobes::default() {
+            return;
+        }
+        let outgoing = Frame::about(hit.normal).to_local(step.outgoing);
+        let even = surface.bsdf.lambertian(outgoing, &mut walk.rho);
+        let has_rest = lobes.glossy || lobes.transmission || lobes.diffuse && even == 0.0;
+        let of_even = (even > 0.0).then(|| {
+            let Walk { rho, .. } = walk;
+            paths.times(spectrum, |q| rho[q])
+        });
+        if let Some(spectrum) = of_even {
+            paths.record(id, spectrum, Source::Sun { vertex }, weight / PI, step.term(Term::DiffuseSun));
+        }
+        if has_rest {
+            let source = Source::Scatter { vertex, outgoing };
+            paths.record(id, spectrum, source, weight, step.term(Term::SpecularSun));
+        }
+        if (of_even.is_some() || has_rest) && self.caustics && self.goes_on(depth) && !scenery.mirrors.is_empty() {
+            let bounces = if self.goes_on(depth + 1) { IMAGED } else { 1 };
+            paths.record(id, spectrum, Source::Caustic { vertex, outgoing, bounces }, weight, Term::Caustic);
+        }
+        if past.straight {
+            if lobes.mirror {
+                self.mirror(walk, step, surface, outgoing, 1.0, stream, paths);
+            }
+            if let Some(spectrum) = of_even {
+                self.open(walk, step, vertex, spectrum, stream, paths);
+            }
+            if has_rest {
+                let [a, b] = stream.next2();
+                let draw = [a, b, stream.next1() * (1.0 - even)];
+                self.rest(walk, step, surface, (vertex, outgoing), draw, 1.0 / (1.0 - even), stream, paths);
+            }
+            return;
+        }
+        let [a, b] = stream.next2();
+        let draw = [a, b, stream.next1()];
+        let open = of_even.filter(|_| scenery.world.is_open(hit.facet, hit.front));
+        if let Some(spectrum) = open {
+            paths.rays.hemisphere_open += 1;
+            let (source, share) = self.whole_sky(&hit);
+            paths.record(id, spectrum, source, weight * share, step.term(Term::DiffuseSky));
+        }
+        match of_even.filter(|_| draw[2] >= 1.0 - even) {
+            Some(spectrum) => {
+                let direction = match open {
+                    Some(_) => below_horizon(&hit, stream),
+                    None => Some(hemisphere_direction(&hit, stream)),
+                };
+                let share = if open.is_some() { 1.0 - open_sky_view(hit.normal) } else { 1.0 };
+                if let Some(direction) = direction.filter(|_| share > 0.0) {
+                    let next = Step { spectrum, weight: weight * share / even, ..*step };
+                    let met = self.look(walk, &next, direction, past.by_lobe, stream, paths);
+                    if met == Met::Sky {
+                        self.record_sky(walk.id, &next, direction, step.term(Term::DiffuseSky), paths);
+                    }
+                }
+            }
+            None => self.rest(walk, step, surface, (vertex, outgoing), draw, 1.0, stream, paths),
+        }
+    }
+
+    /// The whole sky over a facet that only the horizon obstructs.
+    fn whole_sky(&self, hit: &Hit) -> (Source, f64) {
+        match self.directional_sky {
+            true => (Source::OpenSky { normal: hit.normal, unless: None }, 1.0),
+            false => (Source::MeanSky, open_sky_view(hit.normal)),
+        }
+    }
+
+    fn record_sky(&self, id: u32, step: &Step, direction: WorldDir, term: Term, paths: &mut Paths) {
+        let source = if self.directional_sky { Source::Sky { direction, seen: None } } else { Source::MeanSky };
+        paths.record(id, step.spectrum, source, step.weight, term);
+    }
+
+    /// The Lambertian part of a surface that the sensor sees: the sky above the horizon, and what stands before it or lies
+    /// below.
+    fn open(
+        &self,
+        walk: &mut Walk<'_>,
+        step: &Step,
+        vertex: u32,
+        spectrum: SpectrumId,
+        stream: &mut Stream,
+        paths: &mut Paths,
+    ) {
+        let (hit, id) = (step.hit, walk.id);
+        let term = step.term(Term::DiffuseSky);
+        let share = open_sky_view(hit.normal);
+        let is_open = walk.scenery.world.is_open(hit.facet, hit.front);
+        let mut seen = share;
+        if is_open {
+            paths.rays.hemisphere_open += 1;
+            let (source, share) = self.whole_sky(&hit);
+            paths.record(id, spectrum, source, step.weight * share, term);
+        } else if let Some(direction) = above_horizon(&hit, stream) {
+            let above = Step { spectrum, weight: step.weight * share, ..*step };
+            let met = self.look(walk, &above, direction, false, stream, paths);
+            let escaped = met == Met::Sky;
+            if self.directional_sky {
+                let whole = Source::OpenSky { normal: hit.normal, unless: Some(vertex) };
+                paths.record(id, spectrum, whole, step.weight, term);
+                let source = Source::Sky { direction, seen: Some((vertex, escaped)) };
+                paths.record(id, spectrum, source, above.weight, term);
+            } else if escaped {
+                paths.record(id, spectrum, Source::MeanSky, above.weight, term);
+            }
+            seen = if escaped { share } else { 0.0 };
+        }
+        if step.depth == 1 {
+            paths.samples[id as usize].sky_view = seen;
+        }
+        if share < 1.0 && self.goes_on(step.depth) {
+            if let Some(direction) = below_horizon(&hit, stream) {
+                let below = Step { spectrum, weight: step.weight * (1.0 - share), ..*step };
+                self.look(walk, &below, direction, false, stream, paths);
+            }
+        }
+    }
+
+    /// The mirror, drawn with a probability.
+    #[allow(clippy::too_many_arguments)]
+    fn mirror(
+        &self,
+        walk: &mut Walk<'_>,
+        step: &Step,
+        surface: &Surface,
+        outgoing: LocalDir,
+        probability: f64,
+        stream: &mut Stream,
+        paths: &mut Paths,
+    ) {
+        surface.bsdf.mirror(outgoing, &mut walk.rho);
+        let rho = &walk.rho;
+        let spectrum = paths.times(step.spectrum, |q| rho[q]);
+        let direction = Frame::about(step.hit.normal).to_world(outgoing.mirrored());
+        let past = Past { mirrors: step.past.mirrors.saturating_add(1), ..step.past };
+        let next = Step { spectrum, weight: step.weight / probability, past, ..*step };
+        paths.rays.mirror += 1;
+        let by_lobe = step.past.by_lobe || step.past.straight;
+        if self.look_by(walk, &next, direction, by_lobe, past.straight, stream, paths) == Met::Sky {
+            let term = step.term(Term::SpecularSky);
+            self.record_sky(walk.id, &next, direction, term, paths);
+            // A surface that scatters finds the sun in up to two mirrors by itself.
+            if past.straight || self.sun_disk && self.caustics && past.mirrors > IMAGED {
+                let source = Source::Disk { direction, density: f64::INFINITY };
+                paths.record(walk.id, spectrum, source, next.weight, step.term(Term::SpecularSun));
+            }
+        }
+    }
+
+    /// A draw of the model that its Lambertian part does not answer, times `scale`.
+    #[allow(clippy::too_many_arguments)]
+    fn rest(
+        &self,
+        walk: &mut Walk<'_>,
+        step: &Step,
+        surface: &Surface,
+        (_, outgoing): (u32, LocalDir),
+        draw: [f64; 3],
+        scale: f64,
+        stream: &mut Stream,
+        paths: &mut Paths,
+    ) {
+        let Some(sample) = surface.bsdf.sample(outgoing, draw) else { return };
+        if sample.mirror {
+            if !step.past.straight {
+                self.mirror(walk, step, surface, outgoing, sample.pdf, stream, paths);
+            }
+            return;
+        }
+        let mut density = sample.pdf;
+        surface.bsdf.eval(sample.incident, outgoing, &mut walk.f);
+        if sample.incident.cos() > 0.0 {
+            let even = surface.bsdf.lambertian(outgoing, &mut walk.rho);
+            if even > 0.0 {
+                density -= even * sample.incident.cos() / PI;
+                walk.f.iter_mut().zip(&walk.rho).for_each(|(f, rho)| *f -= rho / PI);
+            }
+        }
+        if density <= 0.0 {
+            return;
+        }
+        let f = &walk.f;
+        let spectrum = paths.times(step.spectrum, |q| f[q]);
+        if paths.peak(spectrum) == 0.0 {
+            return;
+        }
+        let direction = Frame::about(step.hit.normal).to_world(sample.incident);
+        let weight = step.weight * sample.incident.cos().abs() / (density * scale);
+        let past = Past { mirrors: 0, ..step.past };
+        let next = Step { spectrum, weight, past, ..*step };
+        let by_lobe = step.past.by_lobe || step.past.straight;
+        if self.look(walk, &next, direction, by_lobe, stream, paths) == Met::Sky {
+            self.record_sky(walk.id, &next, direction, step.term(Term::SpecularSky), paths);
+            if self.sun_disk {
+                let source = Source::Disk { direction, density };
+                paths.record(walk.id, spectrum, source, weight, step.term(Term::SpecularSun));
+            }
+        }
+    }
+
+    /// Looks along a direction from a surface that scatters.
+    fn look(
+        &self,
+        walk: &mut Walk<'_>,
+        step: &Step,
+        direction: WorldDir,
+        by_lobe: bool,
+        stream: &mut Stream,
+        paths: &mut Paths,
+    ) -> Met {
+        paths.rays.hemisphere += 1;
+        let past = Past { mirrors: 0, ..step.past };
+        self.look_by(walk, &Step { past, ..*step }, direction, by_lobe, false, stream, paths)
+    }
+
+    /// Looks along a direction; what is met waits to be scattered at.
+    #[allow(clippy::too_many_arguments)]
+    fn look_by(
+        &self,
+        walk: &mut Walk<'_>,
+        step: &Step,
+        direction: WorldDir,
+        by_lobe: bool,
+        straight: bool,
+        stream: &mut Stream,
+        paths: &mut Paths,
+    ) -> Met {
+        let ray = step.hit.leave(direction);
+        let world = &walk.scenery.world;
+        let sky = || if direction.cos_zenith() > 0.0 { Met::Sky } else { Met::Nothing };
+        if !self.goes_on(step.depth) {
+            return if sky() == Met::Sky && !world.occluded(&ray) { Met::Sky } else { Met::Nothing };
+        }
+        let Some(hit) = world.closest(&ray) else { return sky() };
+        let depth = step.depth + 1;
+        let mut weight = step.weight;
+        // No further surface where nothing is left, and fewer where little is.
+        let left = paths.peak(step.spectrum) * weight.abs();
+        if left == 0.0 {
+            return Met::Surface;
+        }
+        if depth > if straight { MIRROR_ROULETTE_FROM } else { ROULETTE_FROM } {
+            let survival = left / step.before;
+            if survival < 1.0 {
+                if stream.next1() >= survival {
+                    return Met::Surface;
+                }
+                weight /= survival;
+            }
+        }
+        let past = Past { straight, mirrors: step.past.mirrors, by_lobe };
+        let before = left * weight / step.weight;
+        walk.waiting.push(Step { hit, outgoing: -direction, spectrum: step.spectrum, weight, before, depth, past });
+        Met::Surface
+    }
+}
+
+/// What a ray found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Met {
+    Sky,
+    Surface,
+    /// The black below a scene without ground, or something beyond the last surface.
+    Nothing,
+}

@@ -1,0 +1,271 @@
+//! The light of one time as the channels of a view see it: weights of their [`Nodes`].
+
+use std::collections::HashMap;
+use std::sync::{Arc, RwLock};
+
+use glam::DVec3;
+use rustc_hash::FxHashMap;
+use sunglint_radiometry::{Channels, WorldDir};
+
+use crate::sightline::{Knot, Lattice};
+use crate::{Illumination, Nodes};
+
+/// What the sky's few terms may miss of each term's weights, of its mean over the channel.
+const SKY_TOLERANCE: f64 = 1e-4;
+/// Knots of lines of sight that one time keeps.
+const KEPT_KNOTS: usize = 2048;
+
+/// Weights of the nodes of each channel under the lights of one time, through one path or none: what a spectrum at the
+/// nodes is multiplied by.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Lamp {
+    pub own: Vec<f64>,
+    pub beam: Vec<f64>,
+    pub mean_sky: Vec<f64>,
+    /// The terms that stand for the sky: for each channel and each of its terms the weights of its nodes.
+    sky: Vec<f64>,
+}
+
+impl Lamp {
+    fn new(lights: &Lights, (channels, nodes): (&Channels, &Nodes), tau_2: Option<&[f64]>) -> Self {
+        let Illumination { sky, beam, mean_sky, .. } = &*lights.illumination;
+        let terms = sky.sky_terms();
+        let product = |spectra: &[&[f64]]| weights(channels, nodes, spectra, tau_2);
+        let of_term = |term: u32| product(&[&terms[term as usize]]);
+        let known: HashMap<u32, Vec<f64>> =
+            lights.channels.iter().flat_map(|channel| &channel.terms).map(|term| (*term, of_term(*term))).collect();
+        let mut of_sky = Vec::new();
+        let mut start = 0;
+        for (c, channel) in lights.channels.iter().enumerate() {
+            let n = nodes.of_channel(c).len();
+            channel.terms.iter().for_each(|term| of_sky.extend_from_slice(&known[term][start..start + n]));
+            start += n;
+        }
+        let beam = match nodes.are_means() {
+            true => product(&[sky.solar_irradiance(), sky.sun_transmittance()]),
+            false => product(&[beam]),
+        };
+        Self { own: product(&[]), beam, mean_sky: product(&[mean_sky]), sky: of_sky }
+    }
+
+    /// Adds share × lamp.
+    pub fn add(&mut self, lamp: &Self, share: f64) {
+        let pairs = [
+            (&mut self.own, &lamp.own),
+            (&mut self.beam, &lamp.beam),
+            (&mut self.mean_sky, &lamp.mean_sky),
+            (&mut self.sky, &lamp.sky),
+        ];
+        for (to, from) in pairs {
+            to.resize(from.len(), 0.0);
+            to.iter_mut().zip(from).for_each(|(to, from)| *to += share * from);
+        }
+    }
+
+}
+
+/// Weights of the nodes under a product of spectra: formed per grid entry, or of means where the nodes hold means.
+fn weights(channels: &Channels, nodes: &Nodes, spectra: &[&[f64]], tau_2: Option<&[f64]>) -> Vec<f64> {
+    if nodes.are_means() {
+        let (mut out, mut mean) = (vec![1.0; channels.len()], vec![0.0; channels.len()]);
+        for spectrum in spectra.iter().copied().chain(tau_2) {
+            channels.fold(spectrum, &mut mean);
+            out.iter_mut().zip(&mean).for_each(|(out, mean)| *out *= mean);
+        }
+        return out;
+    }
+    let summed = match (spectra, tau_2) {
+        ([], None) => channels.shares(),
+        ([], Some(tau_2)) => channels.summed(tau_2, None),
+        ([spectrum, ..], tau_2) => channels.summed(spectrum, tau_2),
+    };
+    let mut out = vec![0.0; nodes.n_weights()];
+    nodes.weigh(&summed, &mut out);
+    out
+}
+
+/// The sky terms that stand for all in one channel, and how much of each every term is.
+#[derive(Clone, Debug)]
+struct SkyOfChannel {
+    terms: Vec<u32>,
+    /// Row by row of all terms.
+    amounts: Vec<f64>,
+}
+
+impl SkyOfChannel {
+    /// Rows of weights, one a term: cross approximation with full pivoting [Bebendorf2000], from which the terms that were
+    /// chosen give all others.
+    fn new(rows: &[&[f64]]) -> Self {
+        let n = rows.first().map_or(0, |row| row.len());
+        // Each term is held to its own mean.
+        let owns: Vec<f64> = rows.iter().map(|row| row.iter().sum::<f64>().abs()).collect();
+        let normed = |k: usize, i: usize| if owns[k] > 0.0 { rows[k][i] / owns[k] } else { 0.0 };
+        let mut left: Vec<Vec<f64>> = (0..rows.len()).map(|k| (0..n).map(|i| normed(k, i)).collect()).collect();
+        let (mut terms, mut columns): (Vec<u32>, Vec<usize>) = (Vec::new(), Vec::new());
+        while terms.len() < rows.len().min(n) {
+            let (mut worst, mut place) = (SKY_TOLERANCE, None);
+            for (k, row) in left.iter().enumerate() {
+                for (i, value) in row.iter().enumerate() {
+                    if value.abs() > worst {
+                        (worst, place) = (value.abs(), Some((k, i)));
+                    }
+                }
+            }
+            let Some((k, i)) = place else { break };
+            let row: Vec<f64> = left[k].iter().map(|v| v / left[k][i]).collect();
+            for of_term in &mut left {
+                let share = of_term[i];
+                if share != 0.0 {
+                    of_term.iter_mut().zip(&row).for_each(|(l, r)| *l -= share * r);
+                    of_term[i] = 0.0;
+                }
+            }
+            terms.push(k as u32);
+            columns.push(i);
+        }
+        // row_k = Σ_m a_m row_(k_m) at the chosen columns.
+        let m = terms.len();
+        let matrix = nalgebra::DMatrix::from_fn(m, m, |i, j| normed(terms[j] as usize, columns[i]));
+        let solve = matrix.lu();
+        let mut amounts = Vec::with_capacity(rows.len() * m);
+        for k in 0..rows.len() {
+            let wanted = nalgebra::DVector::from_fn(m, |i, _| normed(k, columns[i]));
+            let own = solve.solve(&wanted).unwrap_or_else(|| nalgebra::DVector::zeros(m));
+            amounts.extend(own.iter().zip(&terms).map(|(a, term)| a * owns[k] / owns[*term as usize]));
+        }
+        Self { terms, amounts }
+    }
+}
+
+/// A knot's lamp and L_u per channel.
+pub(crate) type OfKnot = (Lamp, Vec<f64>);
+
+/// The light of one time as the channels of a view see it.
+pub struct Lights {
+    /// The sky and the sun.
+    pub illumination: Arc<Illumination>,
+    channels: Vec<SkyOfChannel>,
+    /// Sum of the channels' numbers of terms.
+    n_amounts: usize,
+    /// Without a path.
+    bare: Lamp,
+    /// Amounts of the sky over an open facet, by the bits of its normal.
+    open: RwLock<HashMap<[u64; 3], Arc<[f64]>>>,
+    knots: RwLock<FxHashMap<Knot, Arc<OfKnot>>>,
+}
+
+impl Lights {
+    /// The light of a time for channels and their nodes.
+    pub fn new(illumination: Arc<Illumination>, channels: &Channels, nodes: &Nodes) -> Self {
+        let terms = illumination.sky.sky_terms();
+        let rows: Vec<Vec<f64>> = terms.iter().map(|term| weights(channels, nodes, &[term], None)).collect();
+        let mut start = 0;
+        let of_channel = |c: usize| {
+            let own = start..start + nodes.of_channel(c).len();
+            start = own.end;
+            let rows: Vec<&[f64]> = rows.iter().map(|row| &row[own.clone()]).collect();
+            SkyOfChannel::new(&rows)
+        };
+        let of_channels: Vec<SkyOfChannel> = (0..channels.len()).map(of_channel).collect();
+        let mut lights = Self {
+            illumination,
+            n_amounts: of_channels.iter().map(|channel| channel.terms.len()).sum(),
+            channels: of_channels,
+            bare: Lamp::default(),
+            open: RwLock::default(),
+            knots: RwLock::default(),
+        };
+        lights.bare = Lamp::new(&lights, (channels, nodes), None);
+        lights
+    }
+
+    /// Without a path.
+    pub(crate) fn bare(&self) -> &Lamp {
+        &self.bare
+    }
+
+    /// Number of sky terms that stand for all, over all channels.
+    pub fn n_sky_terms(&self) -> usize {
+        self.n_amounts
+    }
+
+    fn mix(&self, weights: &[(u32, f64)], amounts: &mut Vec<f64>) {
+        amounts.clear();
+        amounts.resize(self.n_amounts, 0.0);
+        let mut start = 0;
+        for channel in &self.channels {
+            let m = channel.terms.len();
+            let own = &mut amounts[start..start + m];
+            for (k, s) in weights {
+                own.iter_mut().zip(&channel.amounts[*k as usize * m..]).for_each(|(amount, a)| *amount += s * a);
+            }
+            start += m;
+        }
+    }
+
+    /// L_d(ω) as amounts; `weights` is for work. Whether it is more than black.
+    pub(crate) fn sky(&self, direction: WorldDir, weights: &mut Vec<(u32, f64)>, amounts: &mut Vec<f64>) -> bool {
+        self.illumination.sky.sky_weights(direction, weights);
+        self.mix(weights, amounts);
+        !weights.is_empty()
+    }
+
+    /// ∫ L_d cos θ dω / π over the part of the sky that a facet of this normal sees when only the horizon obstructs it, as
+    /// amounts.
+    pub(crate) fn open_sky(&self, normal: DVec3) -> Arc<[f64]> {
+        let key = normal.to_array().map(f64::to_bits);
+        if let Some(found) = self.open.read().expect("no holder of this lock panics").get(&key) {
+            return found.clone();
+        }
+        let of_terms = self.illumination.open_sky(normal);
+        let weights: Vec<(u32, f64)> = of_terms.into_iter().enumerate().map(|(k, w)| (k as u32, w)).collect();
+        let mut amounts = Vec::new();
+        self.mix(&weights, &mut amounts);
+        let fresh: Arc<[f64]> = amounts.into();
+        self.open.write().expect("no holder of this lock panics").insert(key, fresh.clone());
+        fresh
+    }
+
+    /// Weights of the nodes under a sky of these amounts.
+    pub(crate) fn of_sky(&self, lamp: &Lamp, nodes: &Nodes, amounts: &[f64], out: &mut Vec<f64>) {
+        out.clear();
+        out.resize(lamp.beam.len(), 0.0);
+        let (mut start, mut of_lamp, mut amounts) = (0, lamp.sky.as_slice(), amounts);
+        for (c, channel) in self.channels.iter().enumerate() {
+            let n = nodes.of_channel(c).len();
+            let (own, rest) = amounts.split_at(channel.terms.len());
+            amounts = rest;
+            let out = &mut out[start..start + n];
+            for amount in own {
+                let (weights, rest) = of_lamp.split_at(n);
+                of_lamp = rest;
+                out.iter_mut().zip(weights).for_each(|(out, w)| *out += amount * w);
+            }
+            start += n;
+        }
+    }
+
+    /// Lamp and L_u at a knot of the lines of sight, solved when first met.
+    pub(crate) fn at(&self, knot: Knot, lattice: &Lattice<'_>, channels: &Channels, nodes: &Nodes) -> Arc<OfKnot> {
+        if let Some(found) = self.knots.read().expect("no holder of this lock panics").get(&knot) {
+            return found.clone();
+        }
+        let fresh = Arc::new(match lattice.path(knot) {
+            Some(path) => {
+                let n = self.illumination.beam.len();
+                let (mut tau_2, mut l_u) = (vec![0.0; n], vec![0.0; n]);
+                self.illumination.sky.path(&path, &mut tau_2, &mut l_u);
+                let mut upwelled = vec![0.0; channels.len()];
+                channels.fold(&l_u, &mut upwelled);
+                (Lamp::new(self, (channels, nodes), Some(&tau_2)), upwelled)
+            }
+            None => (self.bare.clone(), vec![0.0; channels.len()]),
+        });
+        let mut knots = self.knots.write().expect("no holder of this lock panics");
+        if knots.len() >= KEPT_KNOTS {
+            knots.clear();
+        }
+        knots.insert(knot, fresh.clone());
+        fresh
+    }
+}
