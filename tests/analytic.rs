@@ -1086,7 +1086,15 @@ fn a_level_path_through_a_scene_follows_koschmieder() {
             let surfaces = &frames.frames[0].surface[c];
             pairs.extend([(f64::from(surfaces[0]), surface[c]), (f64::from(surfaces[1]), 0.0)]);
         }
-        assert_exact(&format!("level path of {length} m"), pairs);
+        // Between knots of the range, 2 % apart, a straight line in channel means errs by (0.02 Δβ s)²/8, Δβ what the
+        // extinction varies within the channel: nothing in 2 nm, most where water absorbs.
+        for (c, of_channel) in pairs.chunks(4).enumerate() {
+            let bound = if c == 0 { 1e-6 } else { 2e-4 };
+            for (found, expected) in of_channel {
+                let off = if found == expected { 0.0 } else { (found / expected - 1.0).abs() };
+                assert!(off <= bound, "level path of {length} m, channel {c}: {found} {expected} ({off:.1e} off)");
+            }
+        }
         let contrast = (pixel(&frames, 0, 0, 0).0 - pixel(&frames, 0, 0, 1).0) / surface[0];
         horizons.push(air[0] / (1.0 - contrast));
         let koschmieder = (-3.912 * length / 10_000.0).exp();

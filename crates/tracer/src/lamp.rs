@@ -7,7 +7,7 @@ use glam::DVec3;
 use rustc_hash::FxHashMap;
 use sunglint_radiometry::{Channels, WorldDir};
 
-use crate::sightline::{Knot, Lattice};
+use crate::sightline::{Knot, Lattice, Share};
 use crate::{Illumination, Nodes};
 
 /// What the sky's few terms may miss of each term's weights, of its mean over the channel.
@@ -48,20 +48,11 @@ impl Lamp {
         Self { own: product(&[]), beam, mean_sky: product(&[mean_sky]), sky: of_sky }
     }
 
-    /// Adds share × lamp.
-    pub fn add(&mut self, lamp: &Self, share: f64) {
-        let pairs = [
-            (&mut self.own, &lamp.own),
-            (&mut self.beam, &lamp.beam),
-            (&mut self.mean_sky, &lamp.mean_sky),
-            (&mut self.sky, &lamp.sky),
-        ];
-        for (to, from) in pairs {
-            to.resize(from.len(), 0.0);
-            to.iter_mut().zip(from).for_each(|(to, from)| *to += share * from);
-        }
+    /// A lamp of zeros with this one's shape.
+    pub fn zeros(&self) -> Self {
+        let [own, beam, mean_sky, sky] = [&self.own, &self.beam, &self.mean_sky, &self.sky].map(|w| vec![0.0; w.len()]);
+        Self { own, beam, mean_sky, sky }
     }
-
 }
 
 /// Weights of the nodes under a product of spectra: formed per grid entry, or of means where the nodes hold means.
@@ -125,6 +116,9 @@ impl SkyOfChannel {
         }
         // row_k = Σ_m a_m row_(k_m) at the chosen columns.
         let m = terms.len();
+        if m == 0 {
+            return Self { terms, amounts: Vec::new() };
+        }
         let matrix = nalgebra::DMatrix::from_fn(m, m, |i, j| normed(terms[j] as usize, columns[i]));
         let solve = matrix.lu();
         let mut amounts = Vec::with_capacity(rows.len() * m);
@@ -137,8 +131,14 @@ impl SkyOfChannel {
     }
 }
 
-/// A knot's lamp and L_u per channel.
-pub(crate) type OfKnot = (Lamp, Vec<f64>);
+/// What a knot of the lines of sight gives.
+#[derive(Clone, Debug)]
+pub(crate) struct OfKnot {
+    lamp: Lamp,
+    /// Mean τ₂ and L_u per channel.
+    transmittance: Vec<f64>,
+    pub upwelled: Vec<f64>,
+}
 
 /// The light of one time as the channels of a view see it.
 pub struct Lights {
@@ -245,7 +245,28 @@ impl Lights {
         }
     }
 
-    /// Lamp and L_u at a knot of the lines of sight, solved when first met.
+    /// Adds a pair of knots to a lamp and L_u, channel by channel.
+    pub(crate) fn add(&self, share: &Share, low: &OfKnot, high: &OfKnot, nodes: &Nodes, lamp: &mut Lamp, l_u: &mut [f64]) {
+        let (mut start, mut of_sky) = (0, 0);
+        for (c, channel) in self.channels.iter().enumerate() {
+            let t = share.of_high(low.transmittance[c], high.transmittance[c]);
+            let (a, b) = (share.weight * (1.0 - t), share.weight * t);
+            let n = nodes.of_channel(c).len();
+            let mix = |to: &mut [f64], low: &[f64], high: &[f64]| {
+                to.iter_mut().zip(low).zip(high).for_each(|((to, low), high)| *to += a * low + b * high);
+            };
+            let own = start..start + n;
+            mix(&mut lamp.own[own.clone()], &low.lamp.own[own.clone()], &high.lamp.own[own.clone()]);
+            mix(&mut lamp.beam[own.clone()], &low.lamp.beam[own.clone()], &high.lamp.beam[own.clone()]);
+            mix(&mut lamp.mean_sky[own.clone()], &low.lamp.mean_sky[own.clone()], &high.lamp.mean_sky[own.clone()]);
+            let sky = of_sky..of_sky + n * channel.terms.len();
+            mix(&mut lamp.sky[sky.clone()], &low.lamp.sky[sky.clone()], &high.lamp.sky[sky.clone()]);
+            (start, of_sky) = (own.end, sky.end);
+            l_u[c] += a * low.upwelled[c] + b * high.upwelled[c];
+        }
+    }
+
+    /// What is solved at a knot of the lines of sight, solved when first met.
     pub(crate) fn at(&self, knot: Knot, lattice: &Lattice<'_>, channels: &Channels, nodes: &Nodes) -> Arc<OfKnot> {
         if let Some(found) = self.knots.read().expect("no holder of this lock panics").get(&knot) {
             return found.clone();
@@ -257,9 +278,14 @@ impl Lights {
                 self.illumination.sky.path(&path, &mut tau_2, &mut l_u);
                 let mut upwelled = vec![0.0; channels.len()];
                 channels.fold(&l_u, &mut upwelled);
-                (Lamp::new(self, (channels, nodes), Some(&tau_2)), upwelled)
+                let mut transmittance = upwelled.clone();
+                channels.fold(&tau_2, &mut transmittance);
+                OfKnot { lamp: Lamp::new(self, (channels, nodes), Some(&tau_2)), transmittance, upwelled }
             }
-            None => (self.bare.clone(), vec![0.0; channels.len()]),
+            None => {
+                let n = channels.len();
+                OfKnot { lamp: self.bare.clone(), transmittance: vec![1.0; n], upwelled: vec![0.0; n] }
+            }
         });
         let mut knots = self.knots.write().expect("no holder of this lock panics");
         if knots.len() >= KEPT_KNOTS {

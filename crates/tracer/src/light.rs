@@ -425,16 +425,19 @@ impl<'a> BlockLight<'a> {
     }
 
     /// The lamp and L_u of a cluster; without τ₂ where there is no path.
-    fn lamp_of(&mut self, shares: Option<&Shares>) -> OfKnot {
+    fn lamp_of(&mut self, shares: Option<&Shares>) -> (Lamp, Vec<f64>) {
         let Some(shares) = shares else { return (self.lights.bare().clone(), Vec::new()) };
-        let (mut lamp, mut upwelled) = (Lamp::default(), vec![0.0; self.block.channels.len()]);
-        for (knot, share) in shares {
-            let Block { lattice, channels, nodes, .. } = self.block;
-            let of_knot = self.knots.entry(*knot).or_insert_with(|| self.lights.at(*knot, lattice, channels, nodes));
-            lamp.add(&of_knot.0, *share);
-            upwelled.iter_mut().zip(&of_knot.1).for_each(|(sum, l_u)| *sum += share * l_u);
+        let Block { lattice, channels, nodes, .. } = self.block;
+        let (mut lamp, mut l_u) = (self.lights.bare().zeros(), vec![0.0; channels.len()]);
+        for share in shares {
+            let mut at = |knot| {
+                let of_knot = self.knots.entry(knot).or_insert_with(|| self.lights.at(knot, lattice, channels, nodes));
+                of_knot.clone()
+            };
+            let (low, high) = (at(share.low), at(share.high));
+            self.lights.add(share, &low, &high, nodes, &mut lamp, &mut l_u);
         }
-        (lamp, upwelled)
+        (lamp, l_u)
     }
 
     /// One pixel: its records, its samples, and what each of its clusters takes of the block's lines of sight.

@@ -1,9 +1,16 @@
 //! Lines of sight from targets to the sensor: where τ₂ and L_u are solved, and how pixels share them.
 //!
 //! A provider solves a path for all wavelengths at once, which costs as much as lighting many pixels. So paths are solved at
-//! the knots of a lattice over the image and the range, and a pixel's samples take theirs from the knots around, linearly in
-//! each: τ₂ and L_u enter a pixel's radiance linearly. Knots belong to the whole image, so that a pixel is the same in
-//! whatever part of it is rendered.
+//! the knots of a lattice over the image and the range, and a pixel's samples take theirs from the knots around: linearly over
+//! the image, and along the range as through even air between two knots a and b,
+//!
+//! ```text
+//! τ₂(s) = τ_a + t' (τ_b − τ_a),   L_u(s) = L_a + t' (L_b − L_a),   t' = (1 − r^t)/(1 − r),   r = ⟨τ_b⟩/⟨τ_a⟩
+//! ```
+//!
+//! with the mean over each channel, so that what is left over is of second order in what the extinction varies within a
+//! channel and between the knots. Knots belong to the whole image, so that a pixel is the same in whatever part of it is
+//! rendered.
 
 use std::ops::Range;
 
@@ -18,12 +25,11 @@ use crate::paths::Paths;
 /// Samples of a pixel share a line of sight where their ranges agree within this factor: the error is of second order
 /// in the extinction over the difference.
 const CLUSTER_RATIO: f64 = 1.1;
-/// Ranges of knots: steps of so many metres, then of this factor. At an optical depth of 1 along the path a line between two
-/// knots errs by (0.06)²/8 = 5e-4.
+/// Ranges of knots: steps of so many metres, then of this factor.
 const RANGE_STEP: f64 = 10.0;
-const RANGE_RATIO: f64 = 1.06;
+const RANGE_RATIO: f64 = 1.02;
 /// Rungs of the first kind: from here on a factor is more than a step.
-const EVEN_RUNGS: u32 = 17;
+const EVEN_RUNGS: u32 = 50;
 /// Directions of neighbouring knots differ by no more than about this \[rad\].
 const KNOT_ANGLE: f64 = 0.02;
 /// Steps between knots \[pixels\], the widest first.
@@ -56,8 +62,32 @@ pub(crate) struct Knot {
     rung: u32,
 }
 
-/// Shares of knots; they sum to 1.
-pub(crate) type Shares = SmallVec<[(Knot, f64); 8]>;
+/// What is taken of two knots of one direction.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Share {
+    /// The nearer and the farther.
+    pub low: Knot,
+    pub high: Knot,
+    /// Of both together; they sum to 1.
+    pub weight: f64,
+    /// t: where the target lies between them.
+    pub between: f64,
+}
+
+impl Share {
+    /// t' of a channel with mean transmittances `low` and `high`.
+    pub fn of_high(&self, low: f64, high: f64) -> f64 {
+        let (t, lost) = (self.between, 1.0 - high / low);
+        if !(low > 0.0 && high > 0.0) || lost.abs() < 1e-4 {
+            // The first terms of the same.
+            return t + if lost.is_finite() { 0.5 * t * (1.0 - t) * lost } else { 0.0 };
+        }
+        (1.0 - (high / low).powf(t)) / lost
+    }
+}
+
+/// What is taken of the knots around.
+pub(crate) type Shares = SmallVec<[Share; 4]>;
 
 /// The lattice of a view.
 pub(crate) struct Lattice<'a> {
@@ -126,11 +156,8 @@ impl<'a> Lattice<'a> {
             let (a, b) = (self.ray(low).1, self.ray(high).1);
             // Steeper rays end sooner: beyond the floor the last stretch is held on.
             let t = if b - a > 1e-9 * b { (range - a) / (b - a) } else { 0.0 };
-            if t.is_finite() && t.abs() < 4.0 {
-                shares.extend([(low, weight * (1.0 - t)), (high, weight * t)]);
-            } else {
-                shares.push((high, weight));
-            }
+            let between = if t.is_finite() && t.abs() < 4.0 { t } else { 1.0 };
+            shares.push(Share { low, high, weight, between });
         }
         shares
     }
@@ -189,9 +216,23 @@ mod tests {
             assert!(rung(i + 1) > rung(i));
             assert_eq!(rung_below(rung(i)), i);
         }
-        for range in [0.0, 1e-9, 9.999, 10.0, 169.9, 170.0, 170.1, 1e4, 7.05e5] {
+        for range in [0.0, 1e-9, 9.999, 10.0, 499.9, 500.0, 500.1, 1e4, 7.05e5] {
             let i = rung_below(range);
             assert!(rung(i) <= range && range < rung(i + 1), "{range}: {i}");
+        }
+    }
+
+    /// Through even air t' gives τ back exactly, however far the knots.
+    #[test]
+    fn even_air_comes_back_between_knots() {
+        let knot = Knot { x: 0, y: 0, rung: 0 };
+        for depth in [1e-9, 1e-5, 1e-3, 0.5, 3.0] {
+            for t in [0.0, 0.3, 1.0, 1.2] {
+                let share = Share { low: knot, high: knot, weight: 1.0, between: t };
+                let (low, high) = (0.7, 0.7 * f64::exp(-depth));
+                let found = low + share.of_high(low, high) * (high - low);
+                assert!((found / (0.7 * f64::exp(-depth * t)) - 1.0).abs() < 1e-12, "{depth} {t}");
+            }
         }
     }
 
@@ -205,7 +246,10 @@ mod tests {
         let lattice = Lattice::new(&sight, (64, 48), 0.0);
         for (x, y, range) in [(3.5, 7.5, 2999.0), (40.5, 30.5, 3000.0), (63.5, 47.5, 120.0)] {
             let shares = lattice.shares([x, y], range);
-            let sum = |value: &dyn Fn(Knot) -> f64| shares.iter().map(|(knot, w)| w * value(*knot)).sum::<f64>();
+            let of = |value: &dyn Fn(Knot) -> f64, share: &Share| {
+                share.weight * (value(share.low) + share.between * (value(share.high) - value(share.low)))
+            };
+            let sum = |value: &dyn Fn(Knot) -> f64| shares.iter().map(|share| of(value, share)).sum::<f64>();
             assert!((sum(&|_| 1.0) - 1.0).abs() < 1e-12);
             assert!((sum(&|knot| lattice.ray(knot).1) / range - 1.0).abs() < 1e-9);
             assert!((sum(&|knot| lattice.place(knot)[0]) - x).abs() < 1e-6);
