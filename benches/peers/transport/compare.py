@@ -19,6 +19,7 @@ from scenes import ALGORITHMS, HERE, SCENES
 
 BINARY = HERE.parents[2] / "target" / "release" / "sunglint"
 WITHIN, ERRORS, NOISY, ROUNDING = 0.002, 4.0, 0.01, 1e-5
+SUN_WEIGHT, MORE = 3.0, 4  # of Mitsuba: the sun among the emitters; times the samples
 
 
 def statistics(images, window):
@@ -56,7 +57,7 @@ def main():
     args = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     args.add_argument("--algorithm", choices=ALGORITHMS, default="full")
     args.add_argument("--scenes", nargs="+", choices=SCENES, default=list(SCENES))
-    args.add_argument("--seeds", type=int, default=8)
+    args.add_argument("--seeds", type=int, default=16)
     args.add_argument("--samples", type=float, default=1.0, help="times those of the scene")
     args.add_argument("--out", type=pathlib.Path, default=pathlib.Path("out/transport"))
     args.add_argument("--binary", type=pathlib.Path, default=BINARY)
@@ -67,14 +68,14 @@ def main():
         start = time.time()
         ours = sunglint_images(args.binary, scene, args.algorithm, args.out, samples, args.seeds)
         between = time.time()
-        loaded = mitsuba_scene(scene)
+        loaded = mitsuba_scene(scene, sun_weight=SUN_WEIGHT)
         cameras[scene.name] = camera_apart(args.binary, scene, args.out / f"{scene.name}.glint", loaded)
         print(f"{scene.name}: {samples} samples, {args.seeds} seeds; middles of pixels {cameras[scene.name]:.1e} px apart")
         for name, case in scene.cases.items():
             if case.caustics and args.algorithm != "full":
                 print(f"  {name}: not in `{args.algorithm}`")
                 continue
-            theirs = [mitsuba_image(loaded, integrator(case), samples, seed + 1) for seed in range(args.seeds)]
+            theirs = [mitsuba_image(loaded, integrator(case), MORE * samples, seed + 1) for seed in range(args.seeds)]
             for patch in case.patches or scene.patches:
                 row = compared(ours[name], theirs, scene.window(patch))
                 rows.append(dict(scene=scene.name, case=name, patch=patch, **row))
