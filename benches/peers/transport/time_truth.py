@@ -20,7 +20,7 @@ from renderers import dr, envi, integrator, mitsuba_image, mitsuba_scene, sungli
 from scenes import ALGORITHMS, SCENES
 
 GOAL, FLOOR = 0.01, 0.01
-COUNTS = (16, 36, 64, 144, 256, 400, 784, 1600)  # squares: Mitsuba's multijitter rounds up to m x n
+COUNTS = (16, 64, 144, 256, 400, 784, 1600)  # squares for Mitsuba's multijitter, multiples of 16 for our replicates
 SETTINGS = {  # of Mitsuba: sampler, weight of the sun among the emitters
     "multijitter, sun 3": ("multijitter", 3.0),
     "multijitter, sun 1": ("multijitter", 1.0),
