@@ -16,7 +16,7 @@ mod sampler;
 mod scenery;
 mod sightline;
 
-pub use algorithm::{Algorithm, BUILTIN, Lighting};
+pub use algorithm::{Algorithm, BUILTIN, EXACT, Lighting};
 pub use illumination::Illumination;
 pub use light::Term;
 pub use paths::{Paths, RayCounts};
