@@ -205,7 +205,7 @@ pub struct Setting {
     pub change: Option<Change>,
     /// The change moves no pixel.
     pub same_image: bool,
-    /// Seconds of processor time to render all frames, their light solved before.
+    /// Seconds of processor time to render all frames, their light solved before; of short renders the least of three.
     pub cpu_s: f64,
     /// Rays cast.
     pub rays: u64,
@@ -321,7 +321,7 @@ pub fn bench(
         let mut base: Option<Costed> = None;
         for samples in &how.samples {
             let name = format!("{}/{}, {samples} samples", run.experiment, run.sensor);
-            let costed = cost::render(run, *samples, run.seed, &name, progress)?;
+            let costed = cost::measure(run, *samples, &name, progress)?;
             found.settings.push(found.setting(run, *samples, &costed, reference)?);
             if how.single == Some(*samples) {
                 base = Some(costed);
@@ -330,7 +330,7 @@ pub fn bench(
         let (Some(base), Some(samples)) = (base, how.single) else { continue };
         for (change, name) in beside.changes.get(&run.experiment).into_iter().flatten() {
             let Some(changed) = plan.run(name, &run.sensor) else { continue };
-            let costed = cost::render(changed, samples, changed.seed, &format!("{name}/{}", run.sensor), progress)?;
+            let costed = cost::measure(changed, samples, &format!("{name}/{}", run.sensor), progress)?;
             let same_image = (base.frames.frames.iter().zip(&costed.frames.frames))
                 .all(|(own, changed)| own.radiance == changed.radiance);
             let setting = found.setting(run, samples, &costed, reference)?;
@@ -351,6 +351,12 @@ fn reference_run<'p>(plan: &'p Plan, beside: &BenchRuns, run: &Run) -> Result<&'
     };
     let reference = plan.run(name, &run.sensor).ok_or_else(|| lacks("it is not seen by that sensor".into()))?;
     let missing = run.moments.iter().find(|moment| !reference.moments.iter().any(|other| other.label == moment.label));
+    if reference.pixels != run.pixels {
+        return Err(lacks(format!(
+            "it has {} x {} pixels, not {} x {}",
+            reference.pixels.0, reference.pixels.1, run.pixels.0, run.pixels.1
+        )));
+    }
     match missing {
         Some(moment) => Err(lacks(format!("it has no frame {}", moment.label))),
         None => Ok(reference),

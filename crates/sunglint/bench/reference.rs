@@ -103,7 +103,7 @@ impl Wanted<'_> {
         let mut found = self.kept().unwrap_or_else(|| self.none());
         while let Some(samples) = batch(&found, goal) {
             let what = format!("reference of {}/{}", self.experiment, self.run.sensor);
-            let seed = seed_of(&self.key, found.batches);
+            let seed = seed_of(found.batches);
             let Costed { frames, .. } = cost::render(self.run, samples, seed, &what, progress)?;
             found.add(frames, samples);
             self.keep(&found).map_err(|source| BenchError::Write { path: found.file.clone(), source })?;
@@ -185,8 +185,8 @@ fn layer_of(image: &Image, frame: &str, band: &str) -> Option<Layer> {
 }
 
 /// Seeds of batches differ from each other and from those of experiments, so that reference and image are independent.
-fn seed_of(key: &str, batch: u32) -> u64 {
-    let hash = blake3::hash(format!("{key} batch {batch}").as_bytes());
+fn seed_of(batch: u32) -> u64 {
+    let hash = blake3::hash(format!("reference, batch {batch}").as_bytes());
     u64::from_le_bytes(std::array::from_fn(|i| hash.as_bytes()[i]))
 }
 

@@ -9,8 +9,7 @@ use std::time::Duration;
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use sunglint::{
-    Bench as Found, BenchError, BenchOptions, BenchProgress, BenchRuns, Errors, Part, Plan, ReferenceGoal,
-    Setting,
+    Bench as Found, BenchError, BenchOptions, BenchProgress, BenchRuns, Errors, Part, Plan, ReferenceGoal, Setting,
 };
 
 use super::compare::parse_percent;
@@ -40,7 +39,7 @@ Errors are those of radiance in per cent of the reference, or of 1 % of the band
 whole error, the noise of the image included and that of the reference taken off; its systematic part is what more samples \
 leave (`<` where only a bound stands out of the noise). The percentile and the worst pixel (x,y of the whole view) hold the \
 noise. Where the reference's standard error is not below a third of an error, that error is not judged. Cost is processor \
-time of all threads to render all frames; the air is solved before. `*` marks the Pareto front: nothing that costs less \
+time of all threads to render all frames, the least of three where that is short; the air is solved before. `*` marks the Pareto front: nothing that costs less \
 errs less.
 
 References are kept in NAME.reference beside the scene under a hash of everything that they depend on, reused where they are \
@@ -323,7 +322,7 @@ fn changes(of: &[&Setting]) -> String {
     let names = width(changed.iter().map(|setting| setting.experiment.as_str()).chain(["experiment"]));
     let words = width(words.iter().map(String::as_str));
     let mut out = format!(
-        "\none approximation changed, at {} samples\n{:names$}  {:words$}  RMSE %    change  system. %    bias %     CPU s    change\n",
+        "\none approximation changed, at {} samples\n{:names$}  {:words$}  RMSE %    change  system. %  noise %    bias %     CPU s    change\n",
         first.samples, "experiment", "change"
     );
     let own = |setting: &Setting| {
@@ -337,13 +336,14 @@ fn changes(of: &[&Setting]) -> String {
             _ => String::new(),
         };
         let what = match base {
-            Some(_) if setting.same_image => format!("  {:>37}", "changes no pixel"),
+            Some(_) if setting.same_image => format!("  {:>46}", "changes no pixel"),
             _ if errors.is_judged() && errors.n > 0 => {
                 let change = base.map_or(String::new(), |base| signed(errors.rmse - base.errors().rmse));
                 let (rmse, bias) = (percent(errors.rmse), signed(errors.bias));
-                format!("{rmse:>8} {change:>9} {:>10} {bias:>9}", systematic(errors))
+                let noise = percent(errors.noise);
+                format!("{rmse:>8} {change:>9} {:>10} {noise:>8} {bias:>9}", systematic(errors))
             }
-            _ => format!("{:<39}", columns(errors)),
+            _ => format!("{:<48}", columns(errors)),
         };
         format!("{name:names$}  {:words$}{what} {:>9} {cost:>9}\n", said(setting), seconds(setting.cpu_s))
     };
