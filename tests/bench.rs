@@ -154,7 +154,7 @@ fn table_and_plots_are_written_whole() {
         "relative_percentile_99",
         "worst",
     ] {
-        assert!(!setting["errors"].get(key).is_none(), "{key}");
+        assert!(setting["errors"].get(key).is_some(), "{key}");
     }
     // All frames and the one frame; both bands, each and all; both materials, each and all; without the whole itself.
     assert_eq!(setting["parts"].as_array().unwrap().len(), 2 * 3 * 3 - 1);

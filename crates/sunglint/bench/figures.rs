@@ -55,7 +55,7 @@ impl Bench {
                 Some((setting.reference, 100.0 * setting.part(None, band, None)?.errors.reference_error))
             })
             .collect();
-        noise.sort_by(|a, b| a.0.cmp(&b.0));
+        noise.sort_by_key(|(reference, _)| *reference);
         noise.dedup_by_key(|(reference, _)| *reference);
         let times = || of.iter().map(|setting| setting.cpu_s).filter(|time| *time > 0.0);
         let ends = (times().fold(f64::INFINITY, f64::min), times().fold(0.0, f64::max));
