@@ -80,8 +80,8 @@ pub trait BenchProgress: Sync {
 /// experiments of the scene like any other, so that one plan shares geometry, surfaces and air among all.
 pub struct BenchRuns {
     own: Vec<String>,
-    /// Name of the run that renders the reference, by experiment.
-    references: HashMap<String, String>,
+    /// Whose reference judges each experiment.
+    judges: HashMap<String, String>,
     /// Hashes of what references depend on, by the names of these runs.
     keys: HashMap<String, blake3::Hasher>,
     /// The changes of each experiment, with the names of the runs that make them.
@@ -95,7 +95,7 @@ impl BenchRuns {
     /// A reference experiment that the scene does not have, or has several runs of.
     pub fn add(checked: &mut Checked, options: &mut Options, how: &BenchOptions) -> Result<Self, BenchError> {
         let mut beside =
-            Self { own: Vec::new(), references: HashMap::new(), keys: HashMap::new(), changes: HashMap::new() };
+            Self { own: Vec::new(), judges: HashMap::new(), keys: HashMap::new(), changes: HashMap::new() };
         let ground = ground_of(&checked.sources, &checked.files);
         let Some(scene) = &mut checked.scene else { return Ok(beside) };
         let names: Vec<String> = scene.runs().iter().map(|(_, run)| run.name.clone()).collect();
@@ -129,15 +129,14 @@ impl BenchRuns {
             let like = |name: String, algorithm: ModelUse| Experiment { name, algorithm, ..own.clone() };
             let is_own = self.own.contains(&own.name);
             if against.map_or(is_own, |against| against == own.name) {
-                let reference = like(format!("{} (reference)", own.name), changes::exact());
+                let reference = like(reference_of(&own.name), changes::exact());
                 let mut hasher = ground.clone();
                 feed_experiment(&mut hasher, scene, &reference);
                 self.keys.insert(reference.name.clone(), hasher);
                 added.push(reference);
             }
             if is_own {
-                let reference = format!("{} (reference)", against.unwrap_or(&own.name));
-                self.references.insert(own.name.clone(), reference);
+                self.judges.insert(own.name.clone(), against.unwrap_or(&own.name).to_string());
             }
             for (change, algorithm) in changes::changes(&own.algorithm).into_iter().filter(|_| is_own && single) {
                 let run = like(format!("{} ({}={})", own.name, change.parameter, change.to), algorithm);
@@ -149,6 +148,11 @@ impl BenchRuns {
         scene.experiments.extend(added);
         names
     }
+}
+
+/// The name of the run that renders an experiment's reference: no name of a scene holds a space.
+fn reference_of(experiment: &str) -> String {
+    format!("{experiment} (reference)")
 }
 
 const NOTHING: Products = Products {
@@ -311,13 +315,16 @@ pub fn bench(
     how: &BenchOptions,
     progress: &dyn BenchProgress,
 ) -> Result<Bench, BenchError> {
-    let judged: Vec<(&Run, &Run)> = (plan.runs().iter())
+    let judged: Vec<(&Run, &str, &Run)> = (plan.runs().iter())
         .filter(|run| beside.own.contains(&run.experiment))
-        .map(|run| Ok((run, reference_run(plan, beside, run)?)))
+        .map(|run| {
+            let judge = beside.judges.get(&run.experiment).map_or("", String::as_str);
+            Ok((run, judge, reference_run(plan, judge, run)?))
+        })
         .collect::<Result<_, BenchError>>()?;
     let mut found = Bench::default();
-    for (run, reference_run) in judged {
-        let reference = found.reference(reference_run, beside, how, progress)?;
+    for (run, judge, reference_run) in judged {
+        let reference = found.reference(judge, reference_run, beside, how, progress)?;
         let mut base: Option<Costed> = None;
         for samples in &how.samples {
             let name = format!("{}/{}, {samples} samples", run.experiment, run.sensor);
@@ -341,15 +348,14 @@ pub fn bench(
     Ok(found)
 }
 
-/// The run that renders the reference of another, with its view, frames and bands.
-fn reference_run<'p>(plan: &'p Plan, beside: &BenchRuns, run: &Run) -> Result<&'p Run, BenchError> {
-    let name = beside.references.get(&run.experiment).map_or("", String::as_str);
-    let of = name.trim_end_matches(" (reference)");
+/// The run that renders the reference of an experiment, with the view, frames and bands of a run that it judges.
+fn reference_run<'p>(plan: &'p Plan, judge: &str, run: &Run) -> Result<&'p Run, BenchError> {
     let lacks = |what: String| {
         let (own, sensor) = (&run.experiment, &run.sensor);
-        BenchError::Input(format!("`{of}` cannot judge `{own}` with sensor `{sensor}`: {what}"))
+        BenchError::Input(format!("`{judge}` cannot judge `{own}` with sensor `{sensor}`: {what}"))
     };
-    let reference = plan.run(name, &run.sensor).ok_or_else(|| lacks("it is not seen by that sensor".into()))?;
+    let reference =
+        plan.run(&reference_of(judge), &run.sensor).ok_or_else(|| lacks("it is not seen by that sensor".into()))?;
     let missing = run.moments.iter().find(|moment| !reference.moments.iter().any(|other| other.label == moment.label));
     if reference.pixels != run.pixels {
         return Err(lacks(format!(
@@ -364,9 +370,10 @@ fn reference_run<'p>(plan: &'p Plan, beside: &BenchRuns, run: &Run) -> Result<&'
 }
 
 impl Bench {
-    /// The index of the reference that a run renders; runs with the same models, air and times share one.
+    /// The index of the reference of an experiment that a run renders; runs with the same models, air and times share one.
     fn reference(
         &mut self,
+        experiment: &str,
         run: &Run,
         beside: &BenchRuns,
         how: &BenchOptions,
@@ -377,7 +384,6 @@ impl Bench {
         if let Some(known) = self.references.iter().position(|reference| reference.key == key) {
             return Ok(known);
         }
-        let experiment = run.experiment.trim_end_matches(" (reference)");
         let wanted = Wanted { run, experiment, folder: &how.references, key };
         self.references.push(Arc::new(wanted.get(how.goal, progress)?));
         Ok(self.references.len() - 1)
