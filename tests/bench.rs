@@ -172,7 +172,7 @@ fn table_and_plots_are_written_whole() {
     assert!(lines.iter().all(|line| line.split(',').count() == lines[0].split(',').count()), "{rows}");
 }
 
-/// The panel is judged wrong by the published sky: 4.7 % too dark in this scene, and less so with the sky's directions.
+/// Under the published sky the panel, which faces the sun, is several per cent too dark; with the sky's directions it is not.
 #[test]
 fn what_an_approximation_costs_shows() {
     let study = Study::new();

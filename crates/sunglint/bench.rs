@@ -227,6 +227,15 @@ impl Setting {
         &self.parts[0].errors
     }
 
+    /// The parts that a table tells of: all pixels, and without a change each band and each material.
+    pub fn told(&self) -> impl Iterator<Item = &Part> {
+        self.parts.iter().filter(|part| {
+            let whole = part.band.is_none() && part.material.is_none();
+            let one = part.band.is_none() || part.material.is_none();
+            part.frame.is_none() && (whole || one && self.change.is_none())
+        })
+    }
+
     /// The part of a frame, a band and a material's code; unsaid is all.
     pub fn part(&self, frame: Option<&str>, band: Option<&str>, material: Option<u16>) -> Option<&Part> {
         self.parts.iter().find(|part| {
@@ -267,8 +276,7 @@ impl Bench {
     pub fn due(&self) -> Vec<(&Reference, u64)> {
         let due = |(i, reference): (usize, &'_ Arc<Reference>)| {
             let of = self.settings.iter().filter(|setting| setting.reference == i);
-            let unjudged =
-                of.flat_map(|setting| &setting.parts).filter(|part| part.is_told() && !part.errors.is_judged());
+            let unjudged = of.flat_map(Setting::told).filter(|part| !part.errors.is_judged());
             unjudged.map(|part| part.errors.samples_due(reference.samples)).max()
         };
         (self.references.iter().enumerate())
@@ -288,13 +296,6 @@ impl Bench {
                 of[i].on_front = on;
             }
         }
-    }
-}
-
-impl Part {
-    /// Whether the part is one of those that the table tells of: all pixels, or one band of all frames.
-    pub fn is_told(&self) -> bool {
-        self.frame.is_none() && self.material.is_none()
     }
 }
 

@@ -252,15 +252,13 @@ fn text(found: &Found) -> String {
 /// Every setting, over all bands and band by band.
 fn ladder(of: &[&Setting]) -> String {
     let settings = || of.iter().filter(|setting| setting.change.is_none());
-    let told =
-        |setting: &'_ &&Setting| setting.parts.iter().filter(|part| part.is_told()).cloned().collect::<Vec<Part>>();
     let names = width(settings().map(|setting| setting.experiment.as_str()).chain(["experiment"]));
-    let bands: Vec<String> = settings().flat_map(|s| told(&s)).filter_map(|part| part.band).collect();
-    let bands = width(bands.iter().map(String::as_str).chain(["band"]));
+    let bands = settings().flat_map(|setting| setting.told()).filter_map(|part| part.band.as_deref());
+    let bands = width(bands.chain(["band"]));
     let mut out =
         format!("{:names$}  samples     CPU s    10^6 rays  front  {:bands$}{ERRORS}\n", "experiment", "band");
     for setting in settings() {
-        let parts = told(&setting);
+        let parts: Vec<&Part> = setting.told().filter(|part| part.material.is_none()).collect();
         // One band is all bands.
         let shown = if parts.len() == 2 { &parts[1..] } else { &parts[..] };
         for (i, part) in shown.iter().enumerate() {
@@ -290,8 +288,7 @@ fn materials(of: &[&Setting]) -> String {
         .collect();
     let rows: Vec<(&str, &str, &Errors)> = (finest.iter())
         .flat_map(|setting| {
-            let parts = setting.parts.iter().filter(|part| part.frame.is_none() && part.band.is_none());
-            let mut rows: Vec<(&str, &str, &Errors)> = parts
+            let mut rows: Vec<(&str, &str, &Errors)> = (setting.told())
                 .filter_map(|part| {
                     Some((setting.experiment.as_str(), part.material.as_ref()?.1.as_str(), &part.errors))
                 })
