@@ -62,7 +62,10 @@ pub(super) fn exact_in_words() -> String {
 /// An experiment's algorithm with one approximation changed, for each: one that it makes is lifted; of an algorithm that
 /// makes none by default, one that it does not make is imposed, in each of its words.
 pub(super) fn changes(of: &ModelUse) -> Vec<(Change, ModelUse)> {
-    let Some(info) = info(&of.name) else { return Vec::new() };
+    info(&of.name).map_or_else(Vec::new, |info| changes_under(info, of))
+}
+
+fn changes_under(info: &ModelInfo, of: &ModelUse) -> Vec<(Change, ModelUse)> {
     let is_exact = approximations(info).all(|(param, word)| default_word(param).as_deref() == Some(word));
     let mut found = Vec::new();
     for (param, exact) in approximations(info) {
@@ -157,11 +160,31 @@ mod tests {
         }
     }
 
+    /// An algorithm that is exact by default: every other word is imposed, and what a scene imposes is lifted.
     #[test]
-    fn what_may_be_imposed_is_every_other_word() {
-        let param = |name: &str| info("split").and_then(|info| info.param(name)).expect("declared");
-        assert_eq!(imposed(param("sun"), "disk"), ["point"]);
-        assert_eq!(imposed(param("adjacency"), "on"), ["off"]);
-        assert_eq!(imposed(param("depth"), "unlimited"), ["2"]);
+    fn on_an_exact_algorithm_approximations_are_imposed() {
+        const EXACT_ONE: ModelInfo = ModelInfo {
+            name: "exact",
+            summary: "",
+            manual: "",
+            params: &[
+                Param::word("sky", &["directional", "isotropic"], Default::Word("directional"), ""),
+                Param::word("sun", &["disk", "point"], Default::Word("disk"), ""),
+                Param::switch("caustics", true, ""),
+                Param::count("depth", &["unlimited"], Default::Word("unlimited"), ""),
+                Param::count("rays", &[], Default::Count(1), ""),
+            ],
+        };
+        let said = |given: &[(&str, Value)]| -> Vec<String> {
+            let given = given.iter().map(|(name, value)| (name.to_string(), value.clone()));
+            let own = ModelUse { args: Args::new(&EXACT_ONE, given), ..exact() };
+            changes_under(&EXACT_ONE, &own).iter().map(|(change, _)| change.to_string()).collect()
+        };
+        let imposed =
+            ["sky directional -> isotropic", "sun disk -> point", "depth unlimited -> 2", "caustics on -> off"];
+        assert_eq!(said(&[]), imposed);
+        let [first, _, rest @ ..] = imposed;
+        let lifted = [[first, "sun point -> disk"].as_slice(), &rest].concat();
+        assert_eq!(said(&[("sun", Value::Word("point".into()))]), lifted);
     }
 }
