@@ -276,7 +276,7 @@ impl Bench {
     pub fn due(&self) -> Vec<(&Reference, u64)> {
         let due = |(i, reference): (usize, &'_ Arc<Reference>)| {
             let of = self.settings.iter().filter(|setting| setting.reference == i);
-            let unjudged = of.flat_map(Setting::told).filter(|part| !part.errors.is_judged());
+            let unjudged = of.flat_map(Setting::told).filter(|part| part.errors.n > 0 && !part.errors.is_judged());
             unjudged.map(|part| part.errors.samples_due(reference.samples)).max()
         };
         (self.references.iter().enumerate())
@@ -289,7 +289,7 @@ impl Bench {
         for sensor in sensors {
             let mut of: Vec<&mut Setting> = (self.settings.iter_mut())
                 .filter(|setting| setting.sensor == sensor && setting.change.is_none())
-                .filter(|setting| setting.errors().n > 0 && setting.errors().is_judged())
+                .filter(|setting| setting.errors().is_judged())
                 .collect();
             let points: Vec<(f64, f64)> = of.iter().map(|setting| (setting.cpu_s, setting.errors().rmse)).collect();
             for (i, on) in front(&points).into_iter().enumerate() {

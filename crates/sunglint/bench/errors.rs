@@ -150,9 +150,10 @@ pub struct Errors {
 }
 
 impl Errors {
-    /// Whether the reference is good enough: its standard error is below a third of the RMSE, or it has none.
+    /// Whether there is a pixel to judge and the reference is good enough: its standard error is below a third of the RMSE,
+    /// or it has none.
     pub fn is_judged(&self) -> bool {
-        self.reference_error == 0.0 || self.reference_error < JUDGED_BELOW * self.rmse
+        self.n > 0 && (self.reference_error == 0.0 || self.reference_error < JUDGED_BELOW * self.rmse)
     }
 
     /// The systematic part of the RMSE, where it stands out of the noise by twice its standard error.
@@ -292,5 +293,6 @@ mod tests {
     fn a_dark_band_and_a_pixel_without_a_number_are_left_out() {
         let errors = of(&[0.0, f64::NAN], &[0.0, 1.0], (0.0, 0.0), 0.0);
         assert_eq!((errors.n, errors.rmse, errors.worst), (0, 0.0, None));
+        assert!(!errors.is_judged());
     }
 }

@@ -35,7 +35,7 @@ impl Bench {
             (self.settings.iter()).filter(|setting| setting.sensor == sensor && setting.change.is_none()).collect();
         let point = |setting: &Setting| -> Option<(f64, f64)> {
             let errors = setting.part(None, band, None)?.errors;
-            (errors.n > 0 && errors.is_judged()).then_some((setting.cpu_s, 100.0 * errors.rmse))
+            errors.is_judged().then_some((setting.cpu_s, 100.0 * errors.rmse))
         };
         let mut experiments: Vec<&str> = of.iter().map(|setting| setting.experiment.as_str()).collect();
         experiments.dedup();

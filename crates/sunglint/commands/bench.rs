@@ -334,7 +334,7 @@ fn changes(of: &[&Setting]) -> String {
         };
         let what = match base {
             Some(_) if setting.same_image => format!("  {:>46}", "changes no pixel"),
-            _ if errors.is_judged() && errors.n > 0 => {
+            _ if errors.is_judged() => {
                 let change = base.map_or(String::new(), |base| signed(errors.rmse - base.errors().rmse));
                 let (rmse, bias) = (percent(errors.rmse), signed(errors.bias));
                 let noise = percent(errors.noise);
