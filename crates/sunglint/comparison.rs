@@ -461,7 +461,7 @@ impl Sums {
 }
 
 /// The value that 99 % of some do not exceed: the smallest with at least that many at or below it.
-fn percentile_99(values: &mut [f32]) -> f64 {
+pub(crate) fn percentile_99(values: &mut [f32]) -> f64 {
     if values.is_empty() {
         return 0.0;
     }

@@ -152,7 +152,8 @@ impl Frames {
         }
     }
 
-    fn insert(&mut self, run: &Run, tile: Tile, result: &TileResult) {
+    /// Puts a finished tile in its place.
+    pub(crate) fn insert(&mut self, run: &Run, tile: Tile, result: &TileResult) {
         let window = run.window;
         for t in 0..self.frames.len() {
             insert_frame(run, &mut self.frames[t], t, tile, result);

@@ -10,6 +10,7 @@
 //! ```
 
 mod air;
+mod bench;
 mod cache;
 mod catalog;
 mod comparison;
@@ -30,6 +31,10 @@ mod selection;
 mod snapshot;
 mod times;
 
+pub use bench::{
+    Bench, BenchError, BenchOptions, BenchProgress, BenchRuns, Change, Errors, Part, Reference, ReferenceGoal, Setting,
+    WorstError, bench,
+};
 pub use catalog::catalog;
 pub use comparison::{
     BandComparison, Beside, CompareError, Comparison, Materials, OfMaterial, PairedBy, Pairing, Statistics, Worst,

@@ -71,7 +71,7 @@ pub struct Compare {
 }
 
 /// `0.5%` or `0.5 %`, as a fraction.
-fn parse_percent(text: &str) -> Result<f64, String> {
+pub(super) fn parse_percent(text: &str) -> Result<f64, String> {
     let number = text.trim().strip_suffix('%').and_then(|number| number.trim().parse::<f64>().ok());
     match number.filter(|number| number.is_finite() && *number >= 0.0) {
         Some(number) => Ok(number / 100.0),

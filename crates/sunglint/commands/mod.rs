@@ -1,6 +1,7 @@
 //! The commands, one file each.
 
 mod atmosphere;
+mod bench;
 mod check;
 mod column;
 mod compare;
@@ -70,6 +71,7 @@ enum Command {
     Materials(materials::Materials),
     Test(test::Test),
     Compare(compare::Compare),
+    Bench(bench::Bench),
     Models(models::Models),
     Completions(completions::Completions),
 }
@@ -124,6 +126,7 @@ pub fn run() -> ExitCode {
         Command::Materials(command) => command.run(quiet),
         Command::Test(command) => command.run(quiet),
         Command::Compare(command) => command.run(quiet),
+        Command::Bench(command) => command.run(quiet),
         Command::Models(command) => command.run(),
         Command::Completions(command) => command.run(),
     };
@@ -204,7 +207,11 @@ fn parse_code(text: &str) -> Result<String, String> {
 
 /// Reads, checks and binds a scene; warnings are shown unless quiet, and end the command where they are denied.
 fn plan_of(scene: &Path, options: &Options, deny: &Deny, quiet: bool) -> Result<Plan, Failure> {
-    let planned = sunglint::open(scene).and_then(|checked| Plan::new(checked, options));
+    planned(sunglint::open(scene).and_then(|checked| Plan::new(checked, options)), deny, quiet)
+}
+
+/// A plan whose warnings are shown unless quiet, and end the command where they are denied.
+fn planned(planned: Result<Plan, Refused>, deny: &Deny, quiet: bool) -> Result<Plan, Failure> {
     let plan = match planned {
         Ok(mut plan) => {
             deny.raise(&mut plan.warnings);

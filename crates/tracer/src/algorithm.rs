@@ -40,3 +40,43 @@ pub trait Algorithm: Send + Sync {
 
 /// The algorithms of this build.
 pub const BUILTIN: &[Model<dyn Algorithm>] = &[crate::published::IDEAL, crate::published::SPLIT, crate::full::FULL];
+
+/// Parameters by which algorithms declare what they approximate, with the word under which nothing is.
+pub const EXACT: &[(&str, &str)] = &[
+    ("reading", "corrected"),
+    ("sky", "directional"),
+    ("sky_view", "rays"),
+    ("background", "average"),
+    ("background_sky", "own"),
+    ("background_angle", "actual"),
+    ("background_lobes", "all"),
+    ("glint", "conserving"),
+    ("sun", "disk"),
+    ("depth", "unlimited"),
+    ("spectral", "wavelength"),
+    ("adjacency", "on"),
+    ("caustics", "on"),
+];
+
+#[cfg(test)]
+mod tests {
+    use sunglint_plugin::Kind;
+
+    use super::*;
+
+    /// A word that no parameter has would lift nothing.
+    #[test]
+    fn every_exact_word_is_one_of_its_parameter() {
+        for model in BUILTIN {
+            for (name, word) in EXACT {
+                let Some(param) = model.info.param(name) else { continue };
+                let known = match param.kind {
+                    Kind::Word(words) | Kind::Count(words) => words.contains(word),
+                    Kind::Switch => ["on", "off"].contains(word),
+                    _ => false,
+                };
+                assert!(known, "{} {name} {word}", model.info.name);
+            }
+        }
+    }
+}

@@ -22,7 +22,7 @@ mod sampler;
 mod scenery;
 mod sightline;
 
-pub use algorithm::{Algorithm, BUILTIN, Lighting};
+pub use algorithm::{Algorithm, BUILTIN, EXACT, Lighting};
 pub use illumination::Illumination;
 pub use lamp::Lights;
 pub use light::Term;
