@@ -17,6 +17,8 @@ pub(crate) struct TwoComponent {
     lobes: Lobes,
     reciprocal: bool,
     cone: Option<TopHat>,
+    /// Whether no component depends on view angle.
+    is_even: bool,
     /// 2 ∫ R_d cos θ sin θ dθ per grid entry.
     diffuse_albedo: Vec<f64>,
     /// Probability with which the specular lobe is drawn, at the view angles of `split.specular`.
@@ -50,11 +52,20 @@ impl TwoComponent {
             cone: lobes.glossy.then(|| TopHat::new(solid_angle)),
             diffuse_albedo: split.diffuse.hemispherical(),
             specular_choice,
+            is_even: split.diffuse.angles().len() == 1 && split.specular.angles().len() == 1,
             split,
         }
     }
 
+    /// Angle of a direction, where any component depends on it.
+    fn theta(&self, direction: LocalDir) -> f64 {
+        if self.is_even { 0.0 } else { direction.theta() }
+    }
+
     fn specular_choice(&self, theta: f64) -> f64 {
+        if self.is_even {
+            return self.specular_choice[0];
+        }
         self.split.specular.weights(theta).iter().map(|(node, weight)| weight * self.specular_choice[*node]).sum()
     }
 }
@@ -78,7 +89,7 @@ impl Bsdf for TwoComponent {
 
     fn mirror(&self, outgoing: LocalDir, rho: &mut [f64]) {
         if self.lobes.mirror && outgoing.cos() > 0.0 {
-            self.split.specular.fill(outgoing.theta(), rho);
+            self.split.specular.fill(self.theta(outgoing), rho);
         } else {
             rho.fill(0.0);
         }
@@ -88,7 +99,7 @@ impl Bsdf for TwoComponent {
         if outgoing.cos() <= 0.0 || self.lobes == Lobes::default() {
             return None;
         }
-        let choice = self.specular_choice(outgoing.theta());
+        let choice = self.specular_choice(self.theta(outgoing));
         let incident = match (u[2] < choice, self.cone) {
             (true, None) => return Some(Sample { incident: outgoing.mirrored(), mirror: true, pdf: choice }),
             (true, Some(cone)) => cone.sample(outgoing, [u[0], u[1]]),
@@ -98,7 +109,7 @@ impl Bsdf for TwoComponent {
     }
 
     fn mirror_probability(&self, outgoing: LocalDir) -> f64 {
-        if self.lobes.mirror && outgoing.cos() > 0.0 { self.specular_choice(outgoing.theta()) } else { 0.0 }
+        if self.lobes.mirror && outgoing.cos() > 0.0 { self.specular_choice(self.theta(outgoing)) } else { 0.0 }
     }
 
     fn lambertian(&self, outgoing: LocalDir, rho: &mut [f64]) -> f64 {
@@ -106,15 +117,15 @@ impl Bsdf for TwoComponent {
             rho.fill(0.0);
             return 0.0;
         }
-        self.split.diffuse.fill(outgoing.theta(), rho);
-        1.0 - self.specular_choice(outgoing.theta())
+        self.split.diffuse.fill(self.theta(outgoing), rho);
+        1.0 - self.specular_choice(self.theta(outgoing))
     }
 
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         if incident.cos() <= 0.0 || outgoing.cos() <= 0.0 || self.lobes == Lobes::default() {
             return 0.0;
         }
-        let choice = self.specular_choice(outgoing.theta());
+        let choice = self.specular_choice(self.theta(outgoing));
         let cone = self.cone.filter(|cone| cone.contains(incident, outgoing));
         (1.0 - choice) * incident.cos() / PI + cone.map_or(0.0, |cone| choice * cone.density())
     }

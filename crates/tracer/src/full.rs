@@ -27,7 +27,7 @@ use sunglint_reflectance::Lobes;
 use crate::algorithm::{Algorithm, Lighting};
 use crate::hemisphere::{above_horizon, below_horizon, hemisphere_direction, open_sky_view};
 use crate::light::Term;
-use crate::paths::{ONE, Paths, Sample, Source, SpectrumId};
+use crate::paths::{ONE, Paths, Room, Sample, Source, SpectrumId};
 use crate::sampler::concentric_disk;
 use crate::{Scenery, Stream, Surface};
 
@@ -81,7 +81,7 @@ fn bind(args: &Args, _: &sunglint_radiometry::SpectralGrid) -> Result<Arc<dyn Al
 
 /// How a path came to where it stands.
 #[derive(Clone, Copy)]
-struct Past {
+pub(crate) struct Past {
     /// By mirrors alone, or not at all: the sensor sees this surface.
     straight: bool,
     /// Mirrors in a row since the last surface that scatters.
@@ -92,7 +92,7 @@ struct Past {
 
 /// Where a path stands.
 #[derive(Clone, Copy)]
-struct Step {
+pub(crate) struct Step {
     hit: Hit,
     /// Towards where the path came from.
     outgoing: WorldDir,
@@ -117,13 +117,11 @@ impl Step {
     }
 }
 
-/// A path that waits.
+/// A path as it is traced.
 struct Walk<'a> {
     scenery: &'a Scenery,
     id: u32,
-    waiting: Vec<Step>,
-    rho: Vec<f64>,
-    f: Vec<f64>,
+    room: Room,
 }
 
 impl Algorithm for Full {
@@ -188,11 +186,12 @@ impl Algorithm for Full {
         paths.samples.push(Sample { replicate, vertex: Some(vertex), range: hit.t, sky_view: f64::NAN, cluster: 0 });
         let past = Past { straight: true, mirrors: 0, by_lobe: false };
         let first = Step { hit, outgoing: -sight.direction, spectrum: ONE, weight: 1.0, before: 1.0, depth: 1, past };
-        let n = paths.n_nodes();
-        let mut walk = Walk { scenery, id, waiting: vec![first], rho: vec![0.0; n], f: vec![0.0; n] };
-        while let Some(step) = walk.waiting.pop() {
+        let mut walk = Walk { scenery, id, room: std::mem::take(&mut paths.room) };
+        walk.room.waiting.push(first);
+        while let Some(step) = walk.room.waiting.pop() {
             self.scatter(&mut walk, &step, stream, paths);
         }
+        paths.room = walk.room;
         let sample = &mut paths.samples[id as usize];
         if sample.sky_view.is_nan() {
             // Nothing Lambertian looked at the sky from there: F is for the truth map alone.
@@ -226,10 +225,10 @@ impl Full {
             return;
         }
         let outgoing = Frame::about(hit.normal).to_local(step.outgoing);
-        let even = surface.bsdf.lambertian(outgoing, &mut walk.rho);
+        let even = surface.bsdf.lambertian(outgoing, &mut walk.room.rho);
         let has_rest = lobes.glossy || lobes.transmission || lobes.diffuse && even == 0.0;
         let of_even = (even > 0.0).then(|| {
-            let Walk { rho, .. } = walk;
+            let rho = &walk.room.rho;
             paths.times(spectrum, |q| rho[q])
         });
         if let Some(spectrum) = of_even {
@@ -354,8 +353,8 @@ impl Full {
         stream: &mut Stream,
         paths: &mut Paths,
     ) {
-        surface.bsdf.mirror(outgoing, &mut walk.rho);
-        let rho = &walk.rho;
+        surface.bsdf.mirror(outgoing, &mut walk.room.rho);
+        let rho = &walk.room.rho;
         let spectrum = paths.times(step.spectrum, |q| rho[q]);
         let direction = Frame::about(step.hit.normal).to_world(outgoing.mirrored());
         let past = Past { mirrors: step.past.mirrors.saturating_add(1), ..step.past };
@@ -394,18 +393,18 @@ impl Full {
             return;
         }
         let mut density = sample.pdf;
-        surface.bsdf.eval(sample.incident, outgoing, &mut walk.f);
+        surface.bsdf.eval(sample.incident, outgoing, &mut walk.room.f);
         if sample.incident.cos() > 0.0 {
-            let even = surface.bsdf.lambertian(outgoing, &mut walk.rho);
+            let even = surface.bsdf.lambertian(outgoing, &mut walk.room.rho);
             if even > 0.0 {
                 density -= even * sample.incident.cos() / PI;
-                walk.f.iter_mut().zip(&walk.rho).for_each(|(f, rho)| *f -= rho / PI);
+                walk.room.f.iter_mut().zip(&walk.room.rho).for_each(|(f, rho)| *f -= rho / PI);
             }
         }
         if density <= 0.0 {
             return;
         }
-        let f = &walk.f;
+        let f = &walk.room.f;
         let spectrum = paths.times(step.spectrum, |q| f[q]);
         if paths.peak(spectrum) == 0.0 {
             return;
@@ -476,7 +475,7 @@ impl Full {
         }
         let past = Past { straight, mirrors: step.past.mirrors, by_lobe };
         let before = left * weight / step.weight;
-        walk.waiting.push(Step { hit, outgoing: -direction, spectrum: step.spectrum, weight, before, depth, past });
+        walk.room.waiting.push(Step { hit, outgoing: -direction, spectrum: step.spectrum, weight, before, depth, past });
         Met::Surface
     }
 }

@@ -339,6 +339,29 @@ pub(crate) struct PixelRadiance {
     pub terms: Vec<(Term, Vec<f64>)>,
     /// L_u per channel.
     pub upwelled: Vec<f64>,
+    /// I_t per replicate: the share of its samples whose first surface the sun lights.
+    pub lit: [f64; REPLICATES],
+}
+
+impl PixelRadiance {
+    /// Joins first samples, one a replicate, with these means over `counts` more of each.
+    pub fn join(&mut self, first: &Self, counts: &[u32; REPLICATES]) {
+        let sets = [(&mut self.radiance, &first.radiance), (&mut self.surface, &first.surface)];
+        for (own, first) in sets.into_iter().flat_map(|(own, first)| own.iter_mut().zip(first)) {
+            for ((own, first), count) in own.iter_mut().zip(first).zip(counts) {
+                let n = f64::from(*count);
+                *own = (*first + n * *own) / (1.0 + n);
+            }
+        }
+        for ((own, first), count) in self.lit.iter_mut().zip(&first.lit).zip(counts) {
+            *own = (*first + f64::from(*count) * *own) / (1.0 + f64::from(*count));
+        }
+    }
+
+    /// Mean I_t.
+    pub fn lit_fraction(&self) -> f64 {
+        self.lit.iter().sum::<f64>() / REPLICATES as f64
+    }
 }
 
 /// What a block of pixels is lit with, whatever the time.
@@ -417,13 +440,6 @@ impl<'a> BlockLight<'a> {
         self.rays
     }
 
-    /// I_t over the first vertices among samples: the sun-lit fraction.
-    pub fn lit_fraction(&self, samples: Range<usize>) -> f64 {
-        let n = samples.len() as f64;
-        let lit = |sample: &crate::paths::Sample| sample.vertex.map_or(0.0, |v| self.sun.visible[v as usize]);
-        self.block.paths.samples[samples].iter().map(lit).sum::<f64>() / n
-    }
-
     /// The lamp and L_u of a cluster; without τ₂ where there is no path.
     fn lamp_of(&mut self, shares: Option<&Shares>) -> (Lamp, Vec<f64>) {
         let Some(shares) = shares else { return (self.lights.bare().clone(), Vec::new()) };
@@ -445,40 +461,45 @@ impl<'a> BlockLight<'a> {
         &mut self,
         light: &PixelLight,
         samples: Range<usize>,
+        counts: &[u32; REPLICATES],
         sights: &[Option<Shares>],
         surface: bool,
         by_term: bool,
     ) -> PixelRadiance {
         let n = self.block.channels.len();
-        let n_samples = samples.len() as f64;
+        let each = counts.map(|count| 1.0 / f64::from(count.max(1)));
         let (lamps, l_u): (Vec<Lamp>, Vec<Vec<f64>>) =
             sights.iter().map(|shares| self.lamp_of(shares.as_ref())).unzip();
-        let mut sums = Sums::new(self.block, n_samples, by_term);
+        let mut sums = Sums::new(self.block, each, by_term);
         self.gather(light, &lamps, by_term, &mut sums);
         let leaving = if surface {
             let bare = vec![self.lights.bare().clone(); sights.len()];
-            let mut leaving = Sums::new(self.block, n_samples, false);
+            let mut leaving = Sums::new(self.block, each, false);
             self.gather(light, &bare, false, &mut leaving);
             leaving.radiance
         } else {
             Vec::new()
         };
         let Sums { mut radiance, terms, .. } = sums;
-        let per_replicate = REPLICATES as f64 / n_samples;
         let mut upwelled = vec![0.0; n];
         for (q, values) in l_u.iter().enumerate() {
-            let mut counts = [0.0; REPLICATES];
+            let mut shares = [0.0; REPLICATES];
             let samples = &self.block.paths.samples[samples.clone()];
             for sample in samples.iter().filter(|sample| usize::from(sample.cluster) == q) {
-                counts[sample.replicate as usize] += 1.0;
+                shares[sample.replicate as usize] += each[sample.replicate as usize];
             }
             for (sums, value) in radiance.iter_mut().zip(values) {
-                sums.iter_mut().zip(&counts).for_each(|(sum, count)| *sum += count * value * per_replicate);
+                sums.iter_mut().zip(&shares).for_each(|(sum, share)| *sum += share * value);
             }
-            let share = counts.iter().sum::<f64>() / n_samples;
+            let share = shares.iter().sum::<f64>() / REPLICATES as f64;
             upwelled.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
         }
-        PixelRadiance { radiance, surface: leaving, terms, upwelled }
+        let mut lit = [0.0; REPLICATES];
+        for sample in &self.block.paths.samples[samples] {
+            let visible = sample.vertex.map_or(0.0, |vertex| self.sun.visible[vertex as usize]);
+            lit[sample.replicate as usize] += visible * each[sample.replicate as usize];
+        }
+        PixelRadiance { radiance, surface: leaving, terms, upwelled, lit }
     }
 
     /// Adds up the records of one pixel under the lamps of its clusters.
@@ -727,16 +748,17 @@ impl<'a> BlockLight<'a> {
 /// Radiances of one pixel as they are added up.
 struct Sums<'a> {
     nodes: &'a Nodes,
-    n_samples: f64,
+    /// One over the samples of each replicate.
+    each: [f64; REPLICATES],
     radiance: Vec<[f64; REPLICATES]>,
     terms: Vec<(Term, Vec<f64>)>,
     by_term: bool,
 }
 
 impl<'a> Sums<'a> {
-    fn new(block: &Block<'a>, n_samples: f64, by_term: bool) -> Self {
+    fn new(block: &Block<'a>, each: [f64; REPLICATES], by_term: bool) -> Self {
         let radiance = vec![[0.0; REPLICATES]; block.channels.len()];
-        Self { nodes: block.nodes, n_samples, radiance, terms: Vec::new(), by_term }
+        Self { nodes: block.nodes, each, radiance, terms: Vec::new(), by_term }
     }
 
     /// Adds scale × Σ_q spectrum_q weights_q to each channel.
@@ -744,7 +766,7 @@ impl<'a> Sums<'a> {
         if scale == 0.0 {
             return;
         }
-        let scale = scale * REPLICATES as f64 / self.n_samples;
+        let scale = scale * self.each[replicate];
         let mut of_term = match self.by_term {
             true => {
                 let at = self.terms.iter().position(|(known, _)| *known == term).unwrap_or_else(|| {

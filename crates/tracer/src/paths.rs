@@ -130,9 +130,19 @@ pub struct Paths {
     pub(crate) vertices: Vec<Vertex>,
     pub(crate) records: Vec<Record>,
     pub(crate) rays: RayCounts,
+    /// Room for steps of a path that wait, and for two spectra.
+    pub(crate) room: Room,
     /// Spectra at the nodes, one after another.
     spectra: Vec<f64>,
     n_nodes: usize,
+}
+
+/// Room that a path takes while it is traced.
+#[derive(Default)]
+pub(crate) struct Room {
+    pub waiting: Vec<crate::full::Step>,
+    pub rho: Vec<f64>,
+    pub f: Vec<f64>,
 }
 
 impl Paths {
@@ -142,6 +152,7 @@ impl Paths {
             vertices: Vec::new(),
             records: Vec::new(),
             rays: RayCounts::default(),
+            room: Room { waiting: Vec::new(), rho: vec![0.0; n_nodes], f: vec![0.0; n_nodes] },
             spectra: vec![1.0; n_nodes],
             n_nodes,
         }
@@ -154,9 +165,6 @@ impl Paths {
         self.spectra.truncate(self.n_nodes);
     }
 
-    pub(crate) const fn n_nodes(&self) -> usize {
-        self.n_nodes
-    }
 
     /// Bytes that the paths take.
     pub(crate) fn size(&self) -> usize {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use sunglint_atmosphere::Path;
-use sunglint_geometry::Ray;
+use sunglint_geometry::{FacetId, MaterialId, Ray};
 use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
 use crate::light::{Block, BlockLight, PixelLight, PixelRadiance, Term};
@@ -23,8 +23,9 @@ const PATHS_LIMIT: usize = 1 << 25;
 pub enum Accuracy {
     /// Samples a pixel, rounded up to a multiple of the replicates.
     Samples(u32),
-    /// Relative standard error against the larger of the pixel and a floor. A pilot of 16 samples chooses the number
-    /// and is discarded.
+    /// Relative standard error against the larger of the pixel and a floor. The first 16 samples choose the number: those of
+    /// one half of the replicates choose for the other half, so that no sample decides on the weight of its own replicate and
+    /// the mean stays unbiased.
     Error {
         /// Relative standard error.
         relative: f64,
@@ -139,6 +140,8 @@ struct PixelPaths {
     index: usize,
     records: Range<usize>,
     samples: Range<usize>,
+    /// How many each replicate has.
+    counts: [u32; REPLICATES],
     /// Image coordinates of its middle.
     middle: [f64; 2],
     /// Lines of sight of its clusters of samples; `None` leaves the scene.
@@ -159,44 +162,137 @@ pub fn render_tile(view: &View<'_>, tile: Tile) -> TileResult {
         rays: RayCounts::default(),
     };
     let mut paths = Paths::new(view.nodes.len());
+    let lattice = view.lattice();
+    let mut target = Target { view, lattice: &lattice, n_pixels, result: &mut result };
     for by in (0..tile.height).step_by(BLOCK as usize) {
         for bx in (0..tile.width).step_by(BLOCK as usize) {
             let rows = by..(by + BLOCK).min(tile.height);
             let block: Vec<(u32, u32)> =
                 rows.flat_map(|y| (bx..(bx + BLOCK).min(tile.width)).map(move |x| (x, y))).collect();
-            let counts = samples_of_block(view, tile, &block, &mut result.rays);
-            let mut pending = Vec::new();
-            for (&(x, y), count) in block.iter().zip(counts) {
-                let index = (y * tile.width + x) as usize;
-                let pixel = (tile.x + x, tile.y + y);
-                result.samples[index] = count as f32;
-                pending.push(trace_pixel(view, pixel, index, count, 0, &mut paths));
-                truth_of_pixel(view, pixel, index, n_pixels, &pending[pending.len() - 1], &paths, &mut result);
-                if paths.size() > PATHS_LIMIT {
-                    light_block(view, &mut pending, &mut paths, n_pixels, &mut result);
+            match view.accuracy {
+                Accuracy::Samples(n) => {
+                    let each = round_to_replicates(n) / REPLICATES as u32;
+                    target.render(tile, &block, &mut paths, |_| [0..each, 0..each], None);
+                }
+                Accuracy::Error { .. } => {
+                    let first = First::of_block(view, &lattice, tile, &block, &mut paths);
+                    let counts = first.counts(view);
+                    let more = |i: usize| counts[i].map(|n: u32| 1..n);
+                    target.render(tile, &block, &mut paths, more, Some(&first));
                 }
             }
-            light_block(view, &mut pending, &mut paths, n_pixels, &mut result);
         }
     }
     result.rays += paths.rays;
     result
 }
 
-/// Traces all samples of a pixel; `stage` tells pilot and main samples apart.
+/// Where the pixels of a tile go.
+struct Target<'a> {
+    view: &'a View<'a>,
+    lattice: &'a Lattice<'a>,
+    n_pixels: usize,
+    result: &'a mut TileResult,
+}
+
+impl Target<'_> {
+    /// Traces `samples` of each pixel of a block, lights them at every time, joins them with the first samples where there are
+    /// some, and writes the pixels.
+    fn render(
+        &mut self,
+        tile: Tile,
+        block: &[(u32, u32)],
+        paths: &mut Paths,
+        samples: impl Fn(usize) -> [Range<u32>; 2],
+        first: Option<&First>,
+    ) {
+        let mut pending = Vec::new();
+        for (i, &(x, y)) in block.iter().enumerate() {
+            let index = (y * tile.width + x) as usize;
+            let pixel = (tile.x + x, tile.y + y);
+            let ranges = samples(i);
+            let n = n_samples(&ranges);
+            let before = first.map_or(0, |_| REPLICATES as u32);
+            self.result.samples[index] = (n + before) as f32;
+            let mut sky_view = first.map_or(0.0, |first| first.sky_views[i]);
+            if n > 0 {
+                let traced = trace_pixel(self.view, pixel, i, ranges, paths);
+                let own = mean_sky_view(paths, &traced);
+                sky_view = (sky_view * f64::from(before) + own * f64::from(n)) / f64::from(before + n);
+                pending.push(traced);
+            } else if let Some(first) = first {
+                for (t, of_time) in first.times.iter().enumerate() {
+                    self.write(t, index, &of_time[i]);
+                }
+            }
+            truth_of_pixel(self.view, pixel, index, self.n_pixels, sky_view, self.result);
+            if paths.size() > PATHS_LIMIT {
+                self.light(tile, block, &mut pending, paths, first);
+            }
+        }
+        self.light(tile, block, &mut pending, paths, first);
+    }
+
+    /// Lights the pending pixels at every time, writes them out and drops their paths.
+    fn light(
+        &mut self,
+        tile: Tile,
+        block: &[(u32, u32)],
+        pending: &mut Vec<PixelPaths>,
+        paths: &mut Paths,
+        first: Option<&First>,
+    ) {
+        let lightable = Lightable::new(self.view, pending, self.lattice, paths, false);
+        for (t, time) in self.view.times.iter().enumerate() {
+            let rays = lightable.light(time, |pixel, mut radiance| {
+                let (x, y) = block[pixel.index];
+                if let Some(first) = first {
+                    radiance.join(&first.times[t][pixel.index], &pixel.counts);
+                }
+                self.write(t, (y * tile.width + x) as usize, &radiance);
+            });
+            self.result.rays += rays;
+        }
+        pending.clear();
+        paths.clear();
+    }
+
+    fn write(&mut self, t: usize, index: usize, radiance: &PixelRadiance) {
+        let n_channels = self.view.channels.len();
+        for c in 0..n_channels {
+            let at = (t * n_channels + c) * self.n_pixels + index;
+            let e = estimate(&radiance.radiance[c]);
+            self.result.radiance[at] = e.mean as f32;
+            self.result.error[at] = e.standard_error as f32;
+            if let Some(replicates) = radiance.surface.get(c) {
+                self.result.surface[at] = estimate(replicates).mean as f32;
+            }
+        }
+        self.result.lit[t * self.n_pixels + index] = radiance.lit_fraction() as f32;
+    }
+}
+
+/// Samples of both halves of the replicates.
+fn n_samples(ranges: &[Range<u32>; 2]) -> u32 {
+    (REPLICATES / 2) as u32 * ranges.iter().map(|range| range.end.saturating_sub(range.start)).sum::<u32>()
+}
+
+/// Traces samples of a pixel: of each replicate those of its half's range.
 fn trace_pixel(
     view: &View<'_>,
     pixel: (u32, u32),
     index: usize,
-    count: u32,
-    stage: u64,
+    ranges: [Range<u32>; 2],
     paths: &mut Paths,
 ) -> PixelPaths {
     let (records, samples) = (paths.records.len(), paths.samples.len());
-    let key = u64::from(pixel.1) * u64::from(view.pixels.0) + u64::from(pixel.0) + (stage << 48);
-    for replicate in 0..REPLICATES as u32 {
-        for i in 0..count / REPLICATES as u32 {
-            let mut stream = Stream::new(view.seed, view.id, key, replicate, i);
+    let key = u64::from(pixel.1) * u64::from(view.pixels.0) + u64::from(pixel.0);
+    let mut counts = [0; REPLICATES];
+    for (replicate, count) in counts.iter_mut().enumerate() {
+        let range = ranges[replicate * 2 / REPLICATES].clone();
+        *count = range.end.saturating_sub(range.start);
+        for i in range {
+            let mut stream = Stream::new(view.seed, view.id, key, replicate as u32, i);
             let [u, v] = stream.next2();
             let sight = (view.sight)(f64::from(pixel.0) + u, f64::from(pixel.1) + v);
             view.algorithm.trace(view.scenery, &sight, replicate as u8, &mut stream, paths);
@@ -205,56 +301,164 @@ fn trace_pixel(
     let (records, samples) = (records..paths.records.len(), samples..paths.samples.len());
     let middle = [f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5];
     let sights = sightline::cluster(paths, samples.clone(), &(view.sight)(middle[0], middle[1]));
-    PixelPaths { index, records, samples, middle, sights }
+    PixelPaths { index, records, samples, counts, middle, sights }
 }
 
 fn round_to_replicates(samples: u32) -> u32 {
     samples.max(1).next_multiple_of(REPLICATES as u32)
 }
 
-/// How many samples each pixel of a block takes.
-fn samples_of_block(view: &View<'_>, tile: Tile, block: &[(u32, u32)], rays: &mut RayCounts) -> Vec<u32> {
-    let (relative, floor, most) = match view.accuracy {
-        Accuracy::Samples(n) => return vec![round_to_replicates(n); block.len()],
-        Accuracy::Error { relative, floor, most } => (relative, floor, most),
-    };
-    const PILOT: u32 = REPLICATES as u32;
-    let mut paths = Paths::new(view.nodes.len());
-    let mut pilots = Vec::new();
-    let mut materials = Vec::new();
-    for (i, (x, y)) in block.iter().enumerate() {
-        pilots.push(trace_pixel(view, (tile.x + x, tile.y + y), i, PILOT, 1, &mut paths));
-        let first = paths.samples[pilots[i].samples.start].vertex;
-        materials.push(first.map(|vertex| paths.vertices[vertex as usize].hit.material));
+/// The first samples of a block's pixels, one a replicate, lit at every time.
+struct First {
+    /// By time and pixel.
+    times: Vec<Vec<PixelRadiance>>,
+    /// Mean F of each pixel.
+    sky_views: Vec<f64>,
+    /// Material that each pixel's first sample met, and the facet that each replicate's did.
+    materials: Vec<Option<MaterialId>>,
+    facets: Vec<[Option<FacetId>; REPLICATES]>,
+    /// Places of the pixels within the tile.
+    block: Vec<(u32, u32)>,
+}
+
+impl First {
+    fn of_block(
+        view: &View<'_>,
+        lattice: &Lattice<'_>,
+        tile: Tile,
+        block: &[(u32, u32)],
+        paths: &mut Paths,
+    ) -> Self {
+        let trace = |(i, (x, y)): (usize, &(u32, u32))| {
+            trace_pixel(view, (tile.x + x, tile.y + y), i, [0..1, 0..1], &mut *paths)
+        };
+        let traced: Vec<PixelPaths> = block.iter().enumerate().map(trace).collect();
+        let material = |pixel: &PixelPaths| {
+            let vertex = paths.samples[pixel.samples.start].vertex?;
+            Some(paths.vertices[vertex as usize].hit.material)
+        };
+        let materials = traced.iter().map(material).collect();
+        let facet = |sample: usize| Some(paths.vertices[paths.samples[sample].vertex? as usize].hit.facet);
+        let facets = traced.iter().map(|pixel| std::array::from_fn(|r| facet(pixel.samples.start + r))).collect();
+        let sky_views = traced.iter().map(|pixel| mean_sky_view(paths, pixel)).collect();
+        let lightable = Lightable::new(view, &traced, lattice, paths, false);
+        let mut rays = RayCounts::default();
+        let times = (view.times.iter())
+            .map(|time| {
+                let mut of_time = Vec::with_capacity(traced.len());
+                rays += lightable.light(time, |_, radiance| of_time.push(radiance));
+                of_time
+            })
+            .collect();
+        paths.rays += rays;
+        paths.clear();
+        Self { times, sky_views, materials, facets, block: block.to_vec() }
     }
-    // Standard error and mean of every pixel, time and channel.
-    let mut estimates: Vec<Vec<Estimate>> = vec![Vec::new(); block.len()];
-    let lattice = view.lattice();
-    let lightable = Lightable::new(view, &pilots, &lattice, &paths, false);
-    for time in view.times {
-        *rays += lightable.light(time, |pixel, lit, _| {
-            estimates[pixel.index].extend(lit.radiance.iter().map(|replicates| estimate(replicates)));
-        });
-    }
-    *rays += paths.rays;
-    let slots = estimates.first().map_or(0, Vec::len);
-    let mut counts = vec![PILOT; block.len()];
-    for slot in 0..slots {
-        let mean = estimates.iter().map(|e| e[slot].mean).sum::<f64>() / block.len() as f64;
-        let floor = floor.unwrap_or(0.01 * mean);
-        for i in 0..block.len() {
-            // Sixteen samples know their own variance badly: it is floored by that of pixels of the same material.
-            let alike = (0..block.len()).filter(|j| materials[*j] == materials[i]);
-            let (sum, n) = alike.fold((0.0, 0.0), |(s, n), j| (s + estimates[j][slot].standard_error.powi(2), n + 1.0));
-            let variance = estimates[i][slot].standard_error.powi(2).max(sum / f64::max(n, 1.0));
-            let wanted = relative * estimates[i][slot].mean.max(floor);
-            if variance > 0.0 && wanted > 0.0 {
-                let needed = f64::from(PILOT) * variance / (wanted * wanted);
-                counts[i] = counts[i].max(round_to_replicates(needed.min(f64::from(most)).ceil() as u32));
+
+    /// How many samples each replicate of each half takes, the first included: chosen by the other half.
+    fn counts(&self, view: &View<'_>) -> Vec<[u32; 2]> {
+        let Accuracy::Error { relative, floor, most } = view.accuracy else { return vec![[1; 2]; self.block.len()] };
+        let most = (most / REPLICATES as u32).max(1);
+        let n = self.block.len();
+        let mut counts = vec![[1; 2]; n];
+        for of_time in &self.times {
+            for c in 0..view.channels.len() {
+                for half in 0..2 {
+                    let by = 1 - half;
+                    let replicates = by * REPLICATES / 2..(by + 1) * REPLICATES / 2;
+                    let seen: Vec<Seen> = (of_time.iter().zip(&self.facets))
+                        .map(|(radiance, facets)| {
+                            let kinds = std::array::from_fn::<_, { REPLICATES / 2 }, _>(|r| {
+                                let r = replicates.start + r;
+                                (facets[r], radiance.lit[r] > 0.5)
+                            });
+                            Seen::new(&radiance.radiance[c][replicates.clone()], &kinds)
+                        })
+                        .collect();
+                    let mean = seen.iter().map(|seen| seen.mean).sum::<f64>() / n as f64;
+                    let floor = floor.unwrap_or(0.01 * mean);
+                    for (i, own) in seen.iter().enumerate() {
+                        let within = own.within.max(self.around(i, |j| seen[j].within));
+                        let between = own.between.max(self.around(i, |j| seen[j].between));
+                        let wanted = relative * own.mean.max(floor);
+                        if wanted > 0.0 {
+                            let needed = needed(within, between, REPLICATES as f64 * wanted * wanted);
+                            counts[i][half] = counts[i][half].max(needed.min(f64::from(most)).ceil() as u32);
+                        }
+                    }
+                }
             }
         }
+        counts
     }
-    counts
+
+    /// Mean over the pixels around one that see the same material, itself among them: eight samples know their own variance
+    /// badly, and may miss an edge that neighbours see.
+    fn around(&self, i: usize, value: impl Fn(usize) -> f64) -> f64 {
+        let (x, y) = self.block[i];
+        let near = |j: &usize| {
+            let (u, v) = self.block[*j];
+            x.abs_diff(u) <= 1 && y.abs_diff(v) <= 1 && self.materials[*j] == self.materials[i]
+        };
+        let (sum, n) = (0..self.block.len()).filter(near).fold((0.0, 0.0), |(sum, n), j| (sum + value(j), n + 1.0));
+        sum / f64::max(n, 1.0)
+    }
+}
+
+/// What half of a pixel's first samples tell of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Seen {
+    mean: f64,
+    /// Variance of one sample on a facet in the sun or in the shade, and what edges between these add to it.
+    within: f64,
+    between: f64,
+}
+
+impl Seen {
+    fn new<K: PartialEq>(values: &[f64], kinds: &[K]) -> Self {
+        let n = values.len() as f64;
+        let mean = values.iter().sum::<f64>() / n;
+        let whole = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        let (mut squares, mut groups) = (0.0, 0.0);
+        for (i, kind) in kinds.iter().enumerate() {
+            if kinds[..i].contains(kind) {
+                continue;
+            }
+            let own = || values.iter().zip(kinds).filter(|(_, of)| *of == kind).map(|(value, _)| *value);
+            let of_group = own().sum::<f64>() / own().count() as f64;
+            squares += own().map(|value| (value - of_group).powi(2)).sum::<f64>();
+            groups += 1.0;
+        }
+        // As many kinds as samples: nothing can be told of either.
+        let within = if n - groups >= 3.0 { (squares / (n - groups)).min(whole) } else { whole };
+        Self { mean, within, between: whole - within }
+    }
+}
+
+/// Samples a replicate after which W/n + B/n^1.5 is down to `allowed`: scattered points average what varies on a facet, and
+/// the points of one replicate, spread evenly over the pixel, do better on the area of a facet within it [Owen1997].
+fn needed(within: f64, between: f64, allowed: f64) -> f64 {
+    let both = |n: f64| within / n + between / n.powf(1.5) - allowed;
+    if both(1.0) <= 0.0 {
+        return 1.0;
+    }
+    // Between what either alone asks for and what both would if edges were no better.
+    let (mut low, mut high) = (1.0, (within + between) / allowed);
+    for _ in 0..40 {
+        let middle = 0.5 * (low + high);
+        if both(middle) > 0.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// Mean F over the samples of a pixel.
+fn mean_sky_view(paths: &Paths, pixel: &PixelPaths) -> f64 {
+    let samples = &paths.samples[pixel.samples.clone()];
+    samples.iter().map(|sample| sample.sky_view).sum::<f64>() / samples.len() as f64
 }
 
 /// Traced pixels with all that their times share.
@@ -285,46 +489,16 @@ impl<'a> Lightable<'a> {
         Self { block, pixels, surface: view.surface_radiance, by_term }
     }
 
-    /// Lights the pixels at one time and hands each to `each`, with its sun-lit fraction.
-    fn light(&self, time: &Lights, mut each: impl FnMut(&PixelPaths, PixelRadiance, f64)) -> RayCounts {
+    /// Lights the pixels at one time and hands each to `each`.
+    fn light(&self, time: &Lights, mut each: impl FnMut(&PixelPaths, PixelRadiance)) -> RayCounts {
         let mut light = BlockLight::new(&self.block, time);
         for (pixel, records, sights) in &self.pixels {
             let samples = pixel.samples.clone();
-            let lit = light.lit_fraction(samples.clone());
-            each(pixel, light.pixel(records, samples, sights, self.surface, self.by_term), lit);
+            let counts = &pixel.counts;
+            each(pixel, light.pixel(records, samples, counts, sights, self.surface, self.by_term));
         }
         light.rays()
     }
-}
-
-/// Lights the pending pixels at every time, writes them out and drops their paths.
-fn light_block(
-    view: &View<'_>,
-    pending: &mut Vec<PixelPaths>,
-    paths: &mut Paths,
-    n_pixels: usize,
-    result: &mut TileResult,
-) {
-    let n_channels = view.channels.len();
-    let lattice = view.lattice();
-    let lightable = Lightable::new(view, pending, &lattice, paths, false);
-    for (t, time) in view.times.iter().enumerate() {
-        let rays = lightable.light(time, |pixel, radiance, lit| {
-            for c in 0..n_channels {
-                let at = (t * n_channels + c) * n_pixels + pixel.index;
-                let e = estimate(&radiance.radiance[c]);
-                result.radiance[at] = e.mean as f32;
-                result.error[at] = e.standard_error as f32;
-                if let Some(replicates) = radiance.surface.get(c) {
-                    result.surface[at] = estimate(replicates).mean as f32;
-                }
-            }
-            result.lit[t * n_pixels + pixel.index] = lit as f32;
-        });
-        result.rays += rays;
-    }
-    pending.clear();
-    paths.clear();
 }
 
 /// Truth maps of one pixel: codes and geometry at its middle, F as the mean over its samples.
@@ -333,14 +507,11 @@ fn truth_of_pixel(
     pixel: (u32, u32),
     index: usize,
     n_pixels: usize,
-    traced: &PixelPaths,
-    paths: &Paths,
+    sky_view: f64,
     result: &mut TileResult,
 ) {
     let sight = (view.sight)(f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5);
     result.rays.camera += 1;
-    let samples = &paths.samples[traced.samples.clone()];
-    let f = samples.iter().map(|sample| sample.sky_view).sum::<f64>() / samples.len() as f64;
     let maps: [f64; TileResult::TRUTH_MAPS] = match view.scenery.world.closest(&sight) {
         Some(hit) => [
             f64::from(view.scenery.surface(hit.material).code),
@@ -351,7 +522,7 @@ fn truth_of_pixel(
             hit.point.z,
             hit.t,
             (-sight.direction).zenith().to_degrees(),
-            f,
+            sky_view,
         ],
         None => [0.0, 0.0, 0.0, f64::NAN, f64::NAN, f64::NAN, f64::NAN, f64::NAN, f64::NAN],
     };
@@ -389,10 +560,17 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
     let size = |n: u32, start: u32| BLOCK.min(n - start);
     let tile = Tile { x, y, width: size(view.pixels.0, x), height: size(view.pixels.1, y) };
     let block: Vec<(u32, u32)> = (0..tile.height).flat_map(|y| (0..tile.width).map(move |x| (x, y))).collect();
-    let counts = samples_of_block(view, tile, &block, &mut RayCounts::default());
     let at = ((pixel.1 - y) * tile.width + pixel.0 - x) as usize;
     let mut paths = Paths::new(view.nodes.len());
-    let traced = [trace_pixel(view, pixel, 0, counts[at], 0, &mut paths)];
+    let lattice = view.lattice();
+    let ranges = match view.accuracy {
+        Accuracy::Samples(n) => [round_to_replicates(n) / REPLICATES as u32; 2].map(|each| 0..each),
+        Accuracy::Error { .. } => {
+            First::of_block(view, &lattice, tile, &block, &mut paths).counts(view)[at].map(|n| 0..n)
+        }
+    };
+    let n_taken = n_samples(&ranges);
+    let traced = [trace_pixel(view, pixel, 0, ranges, &mut paths)];
     let samples = &paths.samples[traced[0].samples.clone()];
     let n = samples.len() as f64;
     let share = |q: usize| samples.iter().filter(|sample| usize::from(sample.cluster) == q).count() as f64 / n;
@@ -406,16 +584,43 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         sights: (traced[0].sights.iter().enumerate())
             .map(|(q, sight)| (*sight, share(q)))
             .collect(),
-        samples: counts[at],
+        samples: n_taken,
     };
     let view = View { surface_radiance: true, ..*view };
-    let lattice = view.lattice();
-    Lightable::new(&view, &traced, &lattice, &paths, true).light(&view.times[time], |_, lit, fraction| {
+    Lightable::new(&view, &traced, &lattice, &paths, true).light(&view.times[time], |_, lit| {
+        out.lit = lit.lit_fraction();
         out.radiance = lit.radiance.iter().map(|replicates| estimate(replicates)).collect();
         out.surface = lit.surface.iter().map(|replicates| estimate(replicates)).collect();
         out.terms = lit.terms;
         out.upwelled = lit.upwelled;
-        out.lit = fraction;
     });
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two facets of 1 and 3, even on each: all variance is between them. One facet: all is within.
+    #[test]
+    fn variance_is_told_apart_by_facets() {
+        let facets: Vec<Option<FacetId>> = (0..8).map(|i| Some(FacetId(i / 4))).collect();
+        let values: Vec<f64> = (0..8).map(|i| if i < 4 { 1.0 } else { 3.0 }).collect();
+        let seen = Seen::new(&values, &facets);
+        assert_eq!((seen.mean, seen.within), (2.0, 0.0));
+        assert!((seen.between - 8.0 / 7.0).abs() < 1e-12);
+        let one = vec![None; 8];
+        assert_eq!(Seen::new(&values, &one), Seen { mean: 2.0, within: 8.0 / 7.0, between: 0.0 });
+        let each: Vec<Option<FacetId>> = (0..8).map(|i| Some(FacetId(i))).collect();
+        assert_eq!(Seen::new(&values, &each).between, 0.0);
+    }
+
+    #[test]
+    fn as_many_samples_are_needed_as_bring_the_variance_down() {
+        assert_eq!(needed(0.5, 0.4, 1.0), 1.0);
+        assert!((needed(100.0, 0.0, 1.0) - 100.0).abs() < 1e-6);
+        assert!((needed(0.0, 1000.0, 1.0) - 100.0).abs() < 1e-6);
+        let n = needed(10.0, 50.0, 1.0);
+        assert!((10.0 / n + 50.0 / n.powf(1.5) - 1.0).abs() < 1e-9);
+    }
 }
