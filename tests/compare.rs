@@ -296,7 +296,7 @@ struct Silent;
 
 impl sunglint::Progress for Silent {
     fn begin(&self, _: &sunglint::Run, _: usize) {}
-    fn tile(&self, _: bool, _: u64) {}
+    fn tile(&self, _: bool, _: &sunglint::Tally) {}
     fn end(&self, _: &sunglint::Run, _: &sunglint::Rendered) {}
 }
 

@@ -77,6 +77,27 @@ fn a_band_or_a_time_alone_is_what_it_is_among_the_others() {
     }
 }
 
+/// Lobes are drawn by what they return in all bands, so that `full` too gives a band alone what it is among the others, to
+/// the bit, and a time.
+#[test]
+fn a_band_of_the_exact_integral_is_the_same_alone() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("full.glint");
+    let truth = std::fs::canonicalize(TRUTH).expect("the example");
+    let text = format!(
+        "glint 1\ninclude \"{}\"\nexperiment exact {{ algorithm full, reflectance phong else split else ideal }}\n",
+        truth.display()
+    );
+    std::fs::write(&scene, text).expect("a scene");
+    let scene = scene.to_str().expect("UTF-8");
+    let whole = plan(scene, &["experiment=exact", "time=1992-06-18T17"], (24, 18), Some(16)).runs()[0].render();
+    for (b, band) in [(0, "blue"), (3, "nir")] {
+        let only = ["experiment=exact", "time=1992-06-18T17:31:00Z", &format!("band={band}")];
+        let alone = plan(scene, &only, (24, 18), Some(16)).runs()[0].render();
+        assert_eq!(bits(&alone.frames[0].radiance[0]), bits(&whole.frames[1].radiance[b]), "{band}");
+    }
+}
+
 fn sunglint(args: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_sunglint")).args(args).output().expect("the program starts")
 }

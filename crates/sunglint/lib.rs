@@ -47,7 +47,7 @@ pub use plan::{LeftOut, Options, Plan, Run, Skip};
 pub use products::{Image, ImageBand, MapProjection, ReadError, Samples, read_image, write_whole};
 pub use readout::Readout;
 pub use render::{
-    Progress, RenderError, Rendered, map_json, moments_json, rays_json, render, settings_json, skips_json,
+    Progress, RenderError, Rendered, Tally, map_json, moments_json, rays_json, render, settings_json, skips_json,
 };
 pub use report::{render as render_diagnostics, to_json as diagnostics_to_json};
 pub use scenery::ObjectIds;

@@ -491,10 +491,11 @@ impl<'s> Planner<'s, '_> {
         corners.push(provider.nodes());
         let (bins, names) = grid::bins(bands, &corners, owned);
         // What is left out takes its bins along; the cuts stay, so that no value of what remains depends on it.
-        let n_bands = bands.len();
+        let (all_bands, n_bands) = (bands, bands.len());
         let kept: Vec<Band> =
             bands.iter().filter(|band| wanted(&self.options.bands, |name| name == band.name)).cloned().collect();
         let bands = kept.as_slice();
+        let whole_grid = SpectralGrid::with_g(bins.clone(), names.clone(), |bin| provider.g_weights(bin));
         let bins = grid::bins_of(bins, &names, bands);
         let grid = SpectralGrid::with_g(bins, names, |bin| provider.g_weights(bin));
         // The provider binds them itself, where nobody knows their place any more.
@@ -504,20 +505,29 @@ impl<'s> Planner<'s, '_> {
         let provider = self.bind(&experiment.atmosphere, sunglint_atmosphere::BUILTIN, &grid)?;
         let algorithm = self.bind(&experiment.algorithm, sunglint_tracer::BUILTIN, &grid)?;
         let channels = grid::channels(&grid, bands);
-        let (traced, readout) = match experiment.products.counts {
-            true => {
-                let (electrons, readout) = self.readout(experiment, sensor_index, bands, &grid)?;
-                (channels.clone().joined(electrons), Some(readout))
-            }
-            false => (channels.clone(), None),
-        };
+        let (traced, readout) = self.traced(experiment, sensor_index, bands, &grid)?;
 
         let bsdfs = self.bsdfs(experiment, &grid, &mut shared.surfaces);
         if has_error(&self.diagnostics[before..]) {
             return None;
         }
         let bsdfs = bsdfs?;
-        let (nodes, scenery) = self.scenery(experiment, &algorithm.lighting(), &grid, &traced, &bsdfs, world, shared)?;
+        // Surfaces are those of all bands, whatever is left out: lobes are drawn by what they return in all.
+        let lighting = algorithm.lighting();
+        let (nodes, scenery) = match bands.len() == n_bands {
+            true => self.scenery(experiment, &lighting, &grid, &traced, &bsdfs, world, shared)?,
+            false => {
+                let (of_all, _) = self.traced(experiment, sensor_index, all_bands, &whole_grid)?;
+                let all_bsdfs = self.bsdfs(experiment, &whole_grid, &mut shared.surfaces)?;
+                let (nodes, scenery) =
+                    self.scenery(experiment, &lighting, &whole_grid, &of_all, &all_bsdfs, world, shared)?;
+                let place = |band: &Band| all_bands.iter().position(|all| all.name == band.name);
+                let kept: Vec<usize> = (0..traced.len())
+                    .filter_map(|c| Some(c / bands.len() * n_bands + place(&bands[c % bands.len()])?))
+                    .collect();
+                (nodes.of_some((&whole_grid, &of_all), &kept, (&grid, &traced)), scenery)
+            }
+        };
         let mut needs = match self.options.whole_sky {
             true => Needs {
                 direct_beam: true,
@@ -614,6 +624,22 @@ impl<'s> Planner<'s, '_> {
                 self.cover_value(value, bands, *place, name, "V03");
             }
         }
+    }
+
+    /// What the tracer folds spectra into: the bands and, where counts are asked for, their electrons.
+    fn traced(
+        &mut self,
+        experiment: &Experiment,
+        sensor_index: usize,
+        bands: &[Band],
+        grid: &SpectralGrid,
+    ) -> Option<(Channels, Option<Readout>)> {
+        let channels = grid::channels(grid, bands);
+        if !experiment.products.counts {
+            return Some((channels, None));
+        }
+        let (electrons, readout) = self.readout(experiment, sensor_index, bands, grid)?;
+        Some((channels.joined(electrons), Some(readout)))
     }
 
     /// The detector that an experiment's counts come from, and the channels of its electrons.

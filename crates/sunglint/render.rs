@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -54,12 +55,63 @@ pub trait Progress: Sync {
     /// A run begins, with its number of tiles.
     fn begin(&self, run: &Run, tiles: usize);
     /// One more tile is finished (`cached` where it had been before).
-    fn tile(&self, cached: bool, rays: u64);
+    fn tile(&self, cached: bool, so_far: &Tally);
     /// A run ends.
     fn end(&self, run: &Run, rendered: &Rendered);
     /// Whether the user wants to stop.
     fn stopped(&self) -> bool {
         false
+    }
+}
+
+/// What the finished tiles of a run come to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tally {
+    /// Rays that were cast now, not those of tiles from before.
+    pub rays: u64,
+    /// Samples of all pixels.
+    pub samples: f64,
+    pixels: f64,
+    /// Sum of squares of relative standard errors, by band, and their number.
+    squares: Vec<f64>,
+    counted: f64,
+}
+
+impl Tally {
+    /// A pixel below this share of its tile's mean is held against that.
+    const FLOOR: f32 = 0.01;
+
+    fn add(&mut self, run: &Run, result: &TileResult, cached: bool) {
+        self.rays += if cached { 0 } else { result.rays.cast() };
+        self.samples += result.samples.iter().map(|n| f64::from(*n)).sum::<f64>();
+        self.pixels += result.samples.len() as f64;
+        let (n, bands, traced) = (result.samples.len(), run.channels.len(), run.traced.len());
+        self.squares.resize(bands, 0.0);
+        for t in 0..run.moments.len() {
+            for (c, squares) in self.squares.iter_mut().enumerate() {
+                let layer = (t * traced + c) * n..(t * traced + c + 1) * n;
+                let (radiance, error) = (&result.radiance[layer.clone()], &result.error[layer]);
+                let floor = Self::FLOOR * radiance.iter().sum::<f32>() / n as f32;
+                let relative = radiance.iter().zip(error).map(|(l, s)| s / l.max(floor)).filter(|e| e.is_finite());
+                *squares += relative.map(|e| f64::from(e).powi(2)).sum::<f64>();
+            }
+            self.counted += n as f64;
+        }
+    }
+
+    /// Root mean square of the pixels' relative standard errors over all times, by band.
+    pub fn relative_errors(&self) -> Vec<f64> {
+        self.squares.iter().map(|squares| (squares / self.counted.max(1.0)).sqrt()).collect()
+    }
+
+    /// The same over all bands.
+    pub fn relative_error(&self) -> f64 {
+        (self.squares.iter().sum::<f64>() / (self.counted * self.squares.len() as f64).max(1.0)).sqrt()
+    }
+
+    /// Mean number of samples a pixel.
+    pub fn samples_per_pixel(&self) -> f64 {
+        self.samples / self.pixels.max(1.0)
     }
 }
 
@@ -76,6 +128,8 @@ pub struct Rendered {
     pub tiles_resumed: usize,
     /// Rays of all tiles.
     pub rays: RayCounts,
+    /// What its tiles come to; empty where nothing had changed.
+    pub tally: Tally,
     /// Seconds of rendering and of writing.
     pub seconds: (f64, f64),
     /// Samples a pixel that fitted into the run's `time`; `None` without one, or where nothing had changed.
@@ -109,7 +163,7 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
     let tiles = run.tiles();
     progress.begin(run, tiles.len());
     if is_up_to_date(&manifest, &folder, run) {
-        tiles.iter().for_each(|_| progress.tile(true, 0));
+        tiles.iter().for_each(|_| progress.tile(true, &Tally::default()));
         let rays = RayCounts::default();
         return Ok(Rendered {
             folder,
@@ -117,6 +171,7 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
             tiles_rendered: 0,
             tiles_resumed: tiles.len(),
             rays,
+            tally: Tally::default(),
             seconds: (0.0, 0.0),
             timed_samples: None,
         });
@@ -134,6 +189,12 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
     };
     let accuracy = timed_samples.map_or(run.accuracy, Accuracy::Samples);
     let resumed = AtomicU64::new(0);
+    let tally = Mutex::new(Tally::default());
+    let finished = |result: &TileResult, cached: bool| {
+        let mut tally = tally.lock().expect("no holder of this lock panics");
+        tally.add(run, result, cached);
+        progress.tile(cached, &tally);
+    };
     let failed = AtomicBool::new(false);
     let counts: Result<Vec<RayCounts>, RenderError> = (tiles.par_iter().enumerate())
         .map(|(i, tile)| {
@@ -142,7 +203,7 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
             }
             if let Some(result) = store.load(i).filter(|result| fits(result, *tile, run)) {
                 resumed.fetch_add(1, Ordering::Relaxed);
-                progress.tile(true, 0);
+                finished(&result, true);
                 return Ok(result.rays);
             }
             let result = run.render_tile_as(*tile, accuracy);
@@ -150,8 +211,7 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
                 failed.store(true, Ordering::Relaxed);
                 RenderError::Write { path: out.to_path_buf(), source }
             })?;
-            let rays = &result.rays;
-            progress.tile(false, rays.cast());
+            finished(&result, false);
             Ok(result.rays)
         })
         .collect();
@@ -175,6 +235,7 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
         tiles_rendered: tiles.len() - resumed,
         tiles_resumed: resumed,
         rays,
+        tally: tally.into_inner().expect("no holder of this lock panics"),
         seconds,
         timed_samples,
     };
@@ -617,6 +678,8 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
     let channels: Vec<Value> = (run.channels.channels().iter())
         .map(|c| json!({"name": c.name, "centre_nm": c.centre.nm(), "fwhm_nm": c.fwhm * 1e3}))
         .collect();
+    let errors: BTreeMap<&String, f64> =
+        run.channels.channels().iter().map(|c| &c.name).zip(rendered.tally.relative_errors()).collect();
     json!({
         "sunglint_version": env!("CARGO_PKG_VERSION"),
         "key": run.key,
@@ -635,6 +698,8 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "accuracy": format!("{:?}", rendered.timed_samples.map_or(run.accuracy, Accuracy::Samples)),
         "time_s": run.budget,
         "samples": rendered.timed_samples,
+        "samples_per_pixel": rendered.tally.samples_per_pixel(),
+        "relative_standard_error": errors,
         "seed": run.seed,
         "unit": RADIANCE_UNIT,
         "channels": channels,
@@ -653,6 +718,7 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "tiles_rendered": rendered.tiles_rendered,
         "tiles_resumed": rendered.tiles_resumed,
         "rays": rays_json(&rendered.rays),
+        "rays_per_s": rendered.tally.rays as f64 / rendered.seconds.0.max(1e-9),
         "skips": skips_json(&plan.skips.iter().chain(&run.skips).cloned().collect::<Vec<_>>()),
         "estimators": run.estimators,
         "air_notes": run.air_notes,

@@ -364,7 +364,7 @@ fn one_fault_gives_one_message_with_its_code() {
         ("F01", "diffuse 0.18", "diffuse \"whit.csv\""),
         ("F02", "diffuse 0.18", "diffuse \"white.csv\" column nowhere"),
         // later versions
-        ("L01", "material grey {", "experiment a { algorithm full }\nmaterial grey {"),
+        ("L01", "material grey {", "experiment a { algorithm radiosity }\nmaterial grey {"),
         ("F01", "visibility 23 km", "radiosonde \"buf_12z.csv\""),
         ("L01", "material grey {", "periodic (0 0) (9 9) m\nmaterial grey {"),
         ("L01", "material grey {", "plugin \"foam\"\nmaterial grey {"),

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use clap::Args;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use sunglint::{Options, Progress, RenderError, Rendered, Run};
+use sunglint::{Options, Progress, RenderError, Rendered, Run, Tally};
 
 use super::{Deny, Failure, Only, Outcome, note, plan_of};
 
@@ -83,7 +83,9 @@ impl Progress for Bar {
         self.bar.enable_steady_tick(Duration::from_millis(200));
     }
 
-    fn tile(&self, _cached: bool, _rays: u64) {
+    fn tile(&self, _cached: bool, so_far: &Tally) {
+        let rate = so_far.rays as f64 / self.bar.elapsed().as_secs_f64().max(1e-9);
+        self.bar.set_message(format!("{:.2} Mray/s, ± {:.2} %", rate / 1e6, 100.0 * so_far.relative_error()));
         self.bar.inc(1);
     }
 
@@ -109,12 +111,13 @@ impl Progress for Bar {
             n => format!(", {n} tiles from before"),
         };
         note(&format!(
-            "{name}: {} frame{} in {:.1} s and {:.1} s of writing, {:.1} million rays{samples}{resumed} ({folder})",
+            "{name}: {} frame{} in {:.1} s and {:.1} s of writing, {:.1} million rays{samples}, ± {:.2} %{resumed} ({folder})",
             rendered.frames,
             if rendered.frames == 1 { "" } else { "s" },
             rendered.seconds.0,
             rendered.seconds.1,
             cast as f64 / 1e6,
+            100.0 * rendered.tally.relative_error(),
         ));
     }
 }

@@ -126,13 +126,7 @@ struct Walk<'a> {
 
 impl Algorithm for Full {
     fn needs(&self, _: &Scenery) -> Needs {
-        Needs {
-            direct_beam: true,
-            diffuse_irradiance: true,
-            directional_sky: true,
-            path: true,
-            path_heights: None,
-        }
+        Needs { direct_beam: true, diffuse_irradiance: true, directional_sky: true, path: true, path_heights: None }
     }
 
     fn lighting(&self) -> Lighting {
@@ -475,7 +469,15 @@ impl Full {
         }
         let past = Past { straight, mirrors: step.past.mirrors, by_lobe };
         let before = left * weight / step.weight;
-        walk.room.waiting.push(Step { hit, outgoing: -direction, spectrum: step.spectrum, weight, before, depth, past });
+        walk.room.waiting.push(Step {
+            hit,
+            outgoing: -direction,
+            spectrum: step.spectrum,
+            weight,
+            before,
+            depth,
+            past,
+        });
         Met::Surface
     }
 }

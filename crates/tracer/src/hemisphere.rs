@@ -26,14 +26,16 @@ pub(crate) fn hemisphere_direction(hit: &Hit, stream: &mut Stream) -> WorldDir {
 pub(crate) fn below_horizon(hit: &Hit, stream: &mut Stream) -> Option<WorldDir> {
     let cos_tilt = hit.normal.z.clamp(-1.0, 1.0);
     let u = stream.next2();
-    (cos_tilt < 1.0).then(|| squeezed(hit.normal, u, |rim, chord| 0.5 * ((1.0 + cos_tilt) * rim + (1.0 - cos_tilt) * chord)))
+    (cos_tilt < 1.0)
+        .then(|| squeezed(hit.normal, u, |rim, chord| 0.5 * ((1.0 + cos_tilt) * rim + (1.0 - cos_tilt) * chord)))
 }
 
 /// The same given that it points above the horizon; `None` where the facet faces straight down.
 pub(crate) fn above_horizon(hit: &Hit, stream: &mut Stream) -> Option<WorldDir> {
     let cos_tilt = hit.normal.z.clamp(-1.0, 1.0);
     let u = stream.next2();
-    (cos_tilt > -1.0).then(|| squeezed(hit.normal, u, |rim, chord| 0.5 * ((cos_tilt - 1.0) * rim + (1.0 + cos_tilt) * chord)))
+    (cos_tilt > -1.0)
+        .then(|| squeezed(hit.normal, u, |rim, chord| 0.5 * ((cos_tilt - 1.0) * rim + (1.0 + cos_tilt) * chord)))
 }
 
 /// The direction at (x, y) of Nusselt's disk, y = `place`(rim, chord) of a uniform point (x, chord), |chord| ≤ rim.

@@ -246,7 +246,15 @@ impl Lights {
     }
 
     /// Adds a pair of knots to a lamp and L_u, channel by channel.
-    pub(crate) fn add(&self, share: &Share, low: &OfKnot, high: &OfKnot, nodes: &Nodes, lamp: &mut Lamp, l_u: &mut [f64]) {
+    pub(crate) fn add(
+        &self,
+        share: &Share,
+        low: &OfKnot,
+        high: &OfKnot,
+        nodes: &Nodes,
+        lamp: &mut Lamp,
+        l_u: &mut [f64],
+    ) {
         let (mut start, mut of_sky) = (0, 0);
         for (c, channel) in self.channels.iter().enumerate() {
             let t = share.of_high(low.transmittance[c], high.transmittance[c]);

@@ -23,12 +23,12 @@ mod scenery;
 mod sightline;
 
 pub use algorithm::{Algorithm, BUILTIN, EXACT, Lighting};
+pub use full::FULL;
 pub use illumination::Illumination;
 pub use lamp::Lights;
 pub use light::Term;
 pub use nodes::Nodes;
 pub use paths::{Paths, RayCounts};
-pub use full::FULL;
 pub use published::{Approximations, IDEAL, SPLIT};
 pub use render::{Accuracy, PixelTerms, Tile, TileResult, View, render_pixel_terms, render_tile, tiles};
 pub use sampler::Stream;

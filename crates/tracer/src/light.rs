@@ -250,9 +250,14 @@ enum Kind {
     MeanSky,
     OpenSky(DVec3),
     /// The sun on a group of vertices, where it stands to all alike.
-    Sun { group: u32 },
+    Sun {
+        group: u32,
+    },
     /// The open sky over such a group.
-    Ambient { group: u32, normal: DVec3 },
+    Ambient {
+        group: u32,
+        normal: DVec3,
+    },
 }
 
 /// What of a pixel's paths does not change with time, gathered once, and the rest.

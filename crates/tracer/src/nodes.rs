@@ -55,9 +55,8 @@ impl Nodes {
         for c in 0..channels.len() {
             let runs = channels.runs(c);
             let (first, weights) = channels.row(c);
-            let weighed: Vec<usize> = (0..runs.len())
-                .filter(|i| runs[*i].clone().any(|entry| weights[entry - first] != 0.0))
-                .collect();
+            let weighed: Vec<usize> =
+                (0..runs.len()).filter(|i| runs[*i].clone().any(|entry| weights[entry - first] != 0.0)).collect();
             let support: Vec<usize> = weighed.iter().map(|i| runs[*i].start).collect();
             // Channels of one band weigh the same wavelengths.
             if let Some((_, same)) = known.iter().find(|(entries, _)| *entries == support) {
@@ -90,6 +89,34 @@ impl Nodes {
         let entries = (0..channels.len()).map(|c| channels.row(c).0).collect();
         let wavelengths = channels.channels().iter().map(|channel| channel.centre.um()).collect();
         Self { entries, wavelengths, channels: (0..channels.len()).map(of_channel).collect(), means: true }
+    }
+
+    /// The same nodes for some of their channels, `kept` by index, as these stand on a grid of their own.
+    ///
+    /// # Panics
+    /// Where a wavelength that a channel weighs there is none of its wavelengths here.
+    #[must_use]
+    pub fn of_some(
+        &self,
+        (grid, channels): (&SpectralGrid, &Channels),
+        kept: &[usize],
+        (own_grid, own_channels): (&SpectralGrid, &Channels),
+    ) -> Self {
+        let at = |grid: &SpectralGrid, run: &Range<usize>| grid.entries()[run.start].wavelength;
+        let of_channel = |(own, c): (usize, &usize)| {
+            let OfChannel { nodes, shares } = &self.channels[*c];
+            let (first, weights) = own_channels.row(own);
+            let places: Vec<Option<usize>> = (own_channels.runs(own).iter())
+                .map(|run| {
+                    let weighed = run.clone().any(|entry| weights[entry - first] != 0.0);
+                    let place = channels.runs(*c).iter().position(|other| at(grid, other) == at(own_grid, run));
+                    weighed.then(|| place.expect("a channel weighs the same wavelengths on any grid"))
+                })
+                .collect();
+            let row = |row: &Vec<f64>| places.iter().map(|place| place.map_or(0.0, |i| row[i])).collect();
+            OfChannel { nodes: nodes.clone(), shares: shares.iter().map(row).collect() }
+        };
+        Self { channels: kept.iter().enumerate().map(of_channel).collect(), ..self.clone() }
     }
 
     /// Number of nodes.

@@ -165,7 +165,6 @@ impl Paths {
         self.spectra.truncate(self.n_nodes);
     }
 
-
     /// Bytes that the paths take.
     pub(crate) fn size(&self) -> usize {
         size_of_val(&self.spectra[..])

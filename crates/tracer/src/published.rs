@@ -394,7 +394,11 @@ impl Published {
                 }
                 None => {
                     if let Some(direction) = self.escape(scenery, &other.hit, stream, paths) {
-                        let source = if self.with.directional_sky { Source::Sky { direction, seen: None } } else { Source::MeanSky };
+                        let source = if self.with.directional_sky {
+                            Source::Sky { direction, seen: None }
+                        } else {
+                            Source::MeanSky
+                        };
                         paths.record(id, step.spectrum, source, step.weight, sky_term);
                     }
                 }
@@ -446,7 +450,11 @@ impl Published {
                 None if direction.cos_zenith() > 0.0 => {
                     seen += 1;
                     if shows_sky {
-                        let source = if self.with.directional_sky { Source::Sky { direction, seen: None } } else { Source::MeanSky };
+                        let source = if self.with.directional_sky {
+                            Source::Sky { direction, seen: None }
+                        } else {
+                            Source::MeanSky
+                        };
                         paths.record(id, step.spectrum, source, share, sky_term);
                     }
                 }

@@ -322,13 +322,7 @@ struct First {
 }
 
 impl First {
-    fn of_block(
-        view: &View<'_>,
-        lattice: &Lattice<'_>,
-        tile: Tile,
-        block: &[(u32, u32)],
-        paths: &mut Paths,
-    ) -> Self {
+    fn of_block(view: &View<'_>, lattice: &Lattice<'_>, tile: Tile, block: &[(u32, u32)], paths: &mut Paths) -> Self {
         let trace = |(i, (x, y)): (usize, &(u32, u32))| {
             trace_pixel(view, (tile.x + x, tile.y + y), i, [0..1, 0..1], &mut *paths)
         };
@@ -581,9 +575,7 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         upwelled: Vec::new(),
         sky_view: samples.iter().map(|sample| sample.sky_view).sum::<f64>() / n,
         lit: 0.0,
-        sights: (traced[0].sights.iter().enumerate())
-            .map(|(q, sight)| (*sight, share(q)))
-            .collect(),
+        sights: (traced[0].sights.iter().enumerate()).map(|(q, sight)| (*sight, share(q))).collect(),
         samples: n_taken,
     };
     let view = View { surface_radiance: true, ..*view };
@@ -609,7 +601,7 @@ mod tests {
         let seen = Seen::new(&values, &facets);
         assert_eq!((seen.mean, seen.within), (2.0, 0.0));
         assert!((seen.between - 8.0 / 7.0).abs() < 1e-12);
-        let one = vec![None; 8];
+        let one = vec![None::<FacetId>; 8];
         assert_eq!(Seen::new(&values, &one), Seen { mean: 2.0, within: 8.0 / 7.0, between: 0.0 });
         let each: Vec<Option<FacetId>> = (0..8).map(|i| Some(FacetId(i))).collect();
         assert_eq!(Seen::new(&values, &each).between, 0.0);
