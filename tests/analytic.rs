@@ -5,6 +5,8 @@
 //! errors, as the frames themselves state them. `cargo test --release --test analytic -- --nocapture` prints the
 //! deviations.
 
+#[path = "analytic/full.rs"]
+mod full;
 #[path = "analytic/pose.rs"]
 mod pose;
 #[path = "analytic/relief.rs"]

@@ -13,7 +13,7 @@
 //!
 //! with E_open in closed form and α = 1 where the sun is seen and 0 where something hides it: an open facet in the sun needs no
 //! ray, and one in the shade does not miss the aureole that is hidden with the sun. The rest sees the sun by that ray and by
-//! draws of its own, combined [Veach1995, balance heuristic], and the sky by its draws.
+//! draws of its own, combined [Veach1995, power heuristic], and the sky by its draws.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
