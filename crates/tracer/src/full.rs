@@ -327,11 +327,12 @@ impl Full {
         if step.depth == 1 {
             paths.samples[id as usize].sky_view = seen;
         }
-        if share < 1.0 && self.goes_on(step.depth) {
-            if let Some(direction) = below_horizon(&hit, stream) {
-                let below = Step { spectrum, weight: step.weight * (1.0 - share), ..*step };
-                self.look(walk, &below, direction, false, stream, paths);
-            }
+        if share < 1.0
+            && self.goes_on(step.depth)
+            && let Some(direction) = below_horizon(&hit, stream)
+        {
+            let below = Step { spectrum, weight: step.weight * (1.0 - share), ..*step };
+            self.look(walk, &below, direction, false, stream, paths);
         }
     }
 

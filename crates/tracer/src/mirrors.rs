@@ -39,6 +39,9 @@ struct Pane {
     axis: u32,
 }
 
+/// Panes with the axis of another in which they see the sun.
+type Pairs = Arc<[(Pane, u32)]>;
+
 #[derive(Debug)]
 struct Node {
     ball: Ball,
@@ -59,7 +62,7 @@ pub(crate) struct Mirrors {
     axis_of: FxHashMap<FacetId, u32>,
     nodes: Vec<Node>,
     /// By the sun's direction: panes that see the sun in another, with the other's axis.
-    pairs: RwLock<HashMap<[u64; 3], Arc<[(Pane, u32)]>>>,
+    pairs: RwLock<HashMap<[u64; 3], Pairs>>,
 }
 
 impl Mirrors {
@@ -186,7 +189,7 @@ impl Mirrors {
     }
 
     /// Panes that see the sun in another one.
-    fn pairs(&self, sun: DVec3, spread: f64) -> Arc<[(Pane, u32)]> {
+    fn pairs(&self, sun: DVec3, spread: f64) -> Pairs {
         let key = sun.to_array().map(f64::to_bits);
         if let Some(known) = self.pairs.read().expect("no holder of this lock panics").get(&key) {
             return known.clone();
@@ -204,7 +207,7 @@ impl Mirrors {
             axes.sort_unstable();
             pairs.extend(axes.into_iter().map(|axis| (*pane, axis)));
         }
-        let pairs: Arc<[(Pane, u32)]> = pairs.into();
+        let pairs: Pairs = pairs.into();
         self.pairs.write().expect("no holder of this lock panics").insert(key, pairs.clone());
         pairs
     }
@@ -233,7 +236,7 @@ impl Mirrors {
 fn throws(mirror: Ball, axis: DVec3, spread: f64, light: DVec3, ball: Ball) -> bool {
     let apart = ball.centre - mirror.centre;
     let (distance, reach) = (apart.length(), mirror.radius + ball.radius);
-    if !(distance > reach) {
+    if distance <= reach || reach.is_infinite() {
         return true;
     }
     let allowed = (reach / distance).asin() + spread + 1e-9;

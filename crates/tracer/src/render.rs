@@ -357,8 +357,7 @@ impl First {
         let mut counts = vec![[1; 2]; n];
         for of_time in &self.times {
             for c in 0..view.channels.len() {
-                for half in 0..2 {
-                    let by = 1 - half;
+                for (half, by) in [(0, 1), (1, 0)] {
                     let replicates = by * REPLICATES / 2..(by + 1) * REPLICATES / 2;
                     let seen: Vec<Seen> = (of_time.iter().zip(&self.facets))
                         .map(|(radiance, facets)| {
