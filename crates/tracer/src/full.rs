@@ -470,15 +470,8 @@ impl Full {
         }
         let past = Past { straight, mirrors: step.past.mirrors, by_lobe };
         let before = left * weight / step.weight;
-        walk.room.waiting.push(Step {
-            hit,
-            outgoing: -direction,
-            spectrum: step.spectrum,
-            weight,
-            before,
-            depth,
-            past,
-        });
+        let (spectrum, weight) = paths.balanced(step.spectrum, weight);
+        walk.room.waiting.push(Step { hit, outgoing: -direction, spectrum, weight, before, depth, past });
         Met::Surface
     }
 }

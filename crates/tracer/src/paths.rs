@@ -188,6 +188,13 @@ impl Paths {
         self.spectrum(id).iter().fold(0.0, |peak: f64, value| peak.max(value.abs()))
     }
 
+    /// The same product with the spectrum's largest value 1, where it has become so small that the product's two parts would
+    /// leave the range of numbers: between white lobes a path of a thousand surfaces divides by as many shares.
+    pub(crate) fn balanced(&mut self, id: SpectrumId, weight: f64) -> (SpectrumId, f64) {
+        let peak = self.peak(id);
+        if peak > 1e-100 || peak == 0.0 { (id, weight) } else { (self.times(id, |_| 1.0 / peak), weight * peak) }
+    }
+
     /// A spectrum times a factor at each node.
     pub(crate) fn times(&mut self, id: SpectrumId, factor: impl Fn(usize) -> f64) -> SpectrumId {
         let (from, n) = (id as usize * self.n_nodes, self.n_nodes);

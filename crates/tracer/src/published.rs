@@ -485,10 +485,14 @@ impl Published {
         let surface = scenery.surface(hit.material);
         let split = &surface.split;
         let depth = from.depth + 1;
+        let mut before = from.spectrum;
+        if depth.is_multiple_of(64) {
+            (before, weight) = paths.balanced(before, weight);
+        }
         let term = background_term(from.by_mirror);
         let outgoing = -direction;
         if let Some(emission) = surface.emission.as_ref().filter(|_| hit.front) {
-            let spectrum = paths.times(from.spectrum, |q| emission[q]);
+            let spectrum = paths.times(before, |q| emission[q]);
             paths.record(id, spectrum, Source::Own, weight, term);
         }
         if depth > ROULETTE_FROM && self.with.depth.is_none() {
@@ -508,7 +512,7 @@ impl Published {
             let (d, s) = surface.mean_components(theta);
             let specular = s / (s + d);
             if stream.next1() < specular {
-                let spectrum = times(paths, from.spectrum, &split.specular, theta);
+                let spectrum = times(paths, before, &split.specular, theta);
                 let vertex = self.vertex(hit, false, stream, paths);
                 let weight = weight / specular;
                 let step = Step { hit, outgoing, spectrum, weight, depth, by_mirror: from.by_mirror };
@@ -519,8 +523,8 @@ impl Published {
         }
         let spectrum = match self.treatment {
             // `ideal` always takes the background as diffuse, whatever its label: its total reflectance answers.
-            Treatment::Ideal => times_total(paths, from.spectrum, surface, theta),
-            Treatment::Split if surface.has_diffuse => times(paths, from.spectrum, &split.diffuse, theta),
+            Treatment::Ideal => times_total(paths, before, surface, theta),
+            Treatment::Split if surface.has_diffuse => times(paths, before, &split.diffuse, theta),
             Treatment::Split => return,
         };
         let vertex = self.vertex(hit, false, stream, paths);
