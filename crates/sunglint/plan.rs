@@ -273,7 +273,7 @@ impl Draft {
                 run.air_notes.push(note);
             }
         }
-        run.lights = light.iter().map(|time| Lights::new(time.clone(), &run.traced, &run.nodes)).collect();
+        run.lights = light.iter().map(|time| Lights::new(time.clone(), &run.traced, &run.nodes, light.len())).collect();
         (run.light, run.columns_solved) = (light, columns);
         (order, run)
     }
@@ -551,6 +551,13 @@ impl<'s> Planner<'s, '_> {
         let whole = Tile { x: 0, y: 0, width, height };
         let window = self.options.crop.map_or(Some(whole), |crop| crop.within(camera.pixels()))?;
         let mut estimators = algorithm.estimators();
+        if !nodes.are_means() {
+            let n: usize = (0..traced.len()).map(|c| traced.runs(c).len()).sum();
+            estimators.push(format!(
+                "spectra of paths at {} wavelengths for {n} of all channels: means of a spectrum within 5e-5, of a product of two 2e-4",
+                nodes.len()
+            ));
+        }
         estimators.extend(provider.report());
         estimators.extend(scan_note(scene, sensor, &moments));
         let map = map_of(scene, sensor, camera.as_ref(), world).map(|map| map.of_window(window.x, window.y));

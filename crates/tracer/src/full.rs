@@ -246,7 +246,7 @@ impl Full {
             if has_rest {
                 let [a, b] = stream.next2();
                 let draw = [a, b, stream.next1() * (1.0 - even)];
-                self.rest(walk, step, surface, (vertex, outgoing), draw, 1.0 / (1.0 - even), stream, paths);
+                self.rest(walk, step, surface, outgoing, draw, 1.0 / (1.0 - even), stream, paths);
             }
             return;
         }
@@ -273,7 +273,7 @@ impl Full {
                     }
                 }
             }
-            None => self.rest(walk, step, surface, (vertex, outgoing), draw, 1.0, stream, paths),
+            None => self.rest(walk, step, surface, outgoing, draw, 1.0, stream, paths),
         }
     }
 
@@ -367,14 +367,15 @@ impl Full {
         }
     }
 
-    /// A draw of the model that its Lambertian part does not answer, times `scale`.
+    /// A draw of the model that its Lambertian part does not answer; `scale` is how much denser such draws lie than the model
+    /// says, where none goes to that part.
     #[allow(clippy::too_many_arguments)]
     fn rest(
         &self,
         walk: &mut Walk<'_>,
         step: &Step,
         surface: &Surface,
-        (_, outgoing): (u32, LocalDir),
+        outgoing: LocalDir,
         draw: [f64; 3],
         scale: f64,
         stream: &mut Stream,

@@ -12,8 +12,10 @@ use crate::{Illumination, Nodes};
 
 /// What the sky's few terms may miss of each term's weights, of its mean over the channel.
 const SKY_TOLERANCE: f64 = 1e-4;
-/// Knots of lines of sight that one time keeps.
-const KEPT_KNOTS: usize = 2048;
+/// Bytes that the knots of lines of sight of all times of a view may take, near enough, and the fewest knots of one time: those
+/// of some tiles.
+const KNOTS_LIMIT: usize = 1 << 26;
+const FEWEST_KNOTS: usize = 64;
 
 /// Weights of the nodes of each channel under the lights of one time, through one path or none: what a spectrum at the
 /// nodes is multiplied by.
@@ -152,11 +154,13 @@ pub struct Lights {
     /// Amounts of the sky over an open facet, by the bits of its normal.
     open: RwLock<HashMap<[u64; 3], Arc<[f64]>>>,
     knots: RwLock<FxHashMap<Knot, Arc<OfKnot>>>,
+    /// How many are kept.
+    most_knots: usize,
 }
 
 impl Lights {
-    /// The light of a time for channels and their nodes.
-    pub fn new(illumination: Arc<Illumination>, channels: &Channels, nodes: &Nodes) -> Self {
+    /// The light of a time for channels and their nodes; one of `n_times`.
+    pub fn new(illumination: Arc<Illumination>, channels: &Channels, nodes: &Nodes, n_times: usize) -> Self {
         let terms = illumination.sky.sky_terms();
         let rows: Vec<Vec<f64>> = terms.iter().map(|term| weights(channels, nodes, &[term], None)).collect();
         let mut start = 0;
@@ -174,8 +178,11 @@ impl Lights {
             bare: Lamp::default(),
             open: RwLock::default(),
             knots: RwLock::default(),
+            most_knots: 0,
         };
         lights.bare = Lamp::new(&lights, (channels, nodes), None);
+        let size = size_of::<f64>() * (3 * lights.bare.beam.len() + lights.bare.sky.len() + 2 * channels.len());
+        lights.most_knots = (KNOTS_LIMIT / size.max(1) / n_times.max(1)).max(FEWEST_KNOTS);
         lights
     }
 
@@ -296,7 +303,7 @@ impl Lights {
             }
         });
         let mut knots = self.knots.write().expect("no holder of this lock panics");
-        if knots.len() >= KEPT_KNOTS {
+        if knots.len() >= self.most_knots {
             knots.clear();
         }
         knots.insert(knot, fresh.clone());

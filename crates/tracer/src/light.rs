@@ -9,7 +9,7 @@ use rustc_hash::FxHashMap;
 use sunglint_radiometry::{Channels, Frame, LocalDir, REPLICATES, WorldDir};
 
 use crate::lamp::{Lamp, OfKnot};
-use crate::mirrors::{Image, mirrored};
+use crate::mirrors::{Image, Thrower, mirrored};
 use crate::paths::{FacetGroup, GlintLaw, Paths, RayCounts, Source, SpectrumId, Vertex};
 use crate::sightline::{Knot, Lattice, Shares};
 use crate::{Illumination, Lighting, Lights, Nodes, Scenery, limb};
@@ -166,12 +166,12 @@ fn sun_light(block: &Block<'_>, time: &Illumination) -> (SunLight, RayCounts) {
     (light, rays)
 }
 
-/// The sun in the planar mirrors that each group may see.
-fn images(block: &Block<'_>, time: &Illumination) -> Vec<Vec<Image>> {
+/// The planar mirrors in which each group may see the sun.
+fn throwers(block: &Block<'_>, time: &Illumination) -> Vec<Vec<Thrower>> {
     let mirrors = &block.scenery.mirrors;
     let Some(sun) = time.sun.filter(|_| block.has_caustics && !mirrors.is_empty()) else { return Vec::new() };
     let spread = if block.lighting.sun_disk { time.sun_radius } else { 0.0 };
-    block.groups.iter().map(|group| mirrors.images(group.lo, group.hi, sun.vec(), spread, true)).collect()
+    block.groups.iter().map(|group| mirrors.throwers(group.lo, group.hi, sun.vec(), spread)).collect()
 }
 
 /// Solid angle common to two cones about directions `apart` radians from each other, half-angles `a` and `b` \[sr\]. The
@@ -423,7 +423,7 @@ pub(crate) struct BlockLight<'a> {
     time: &'a Illumination,
     sun: SunLight,
     /// By group; empty where there are none.
-    images: Vec<Vec<Image>>,
+    throwers: Vec<Vec<Thrower>>,
     /// Of the knots that the block's lines of sight take from.
     knots: FxHashMap<Knot, Arc<OfKnot>>,
     rays: RayCounts,
@@ -444,8 +444,8 @@ impl<'a> BlockLight<'a> {
     pub fn new(block: &'a Block<'a>, lights: &'a Lights) -> Self {
         let time = &*lights.illumination;
         let (sun, rays) = sun_light(block, time);
-        let images = images(block, time);
-        Self { block, lights, time, sun, images, knots: FxHashMap::default(), rays, work: Work::default() }
+        let throwers = throwers(block, time);
+        Self { block, lights, time, sun, throwers, knots: FxHashMap::default(), rays, work: Work::default() }
     }
 
     /// Rays cast so far.
@@ -622,11 +622,16 @@ impl<'a> BlockLight<'a> {
                 }
                 Source::Caustic { vertex, outgoing, bounces } => {
                     let group = self.block.of_vertices[vertex as usize];
-                    for i in 0..self.images.get(group as usize).map_or(0, Vec::len) {
-                        let image = self.images[group as usize][i];
-                        if image.second.is_some() && bounces < 2 {
+                    let point = paths.vertices[vertex as usize].hit.point;
+                    let mut last = None;
+                    for i in 0..self.throwers.get(group as usize).map_or(0, Vec::len) {
+                        let thrower = self.throwers[group as usize][i];
+                        let image = thrower.image;
+                        // Several mirrors of one plane show one image.
+                        if last == Some(image) || image.second.is_some() && bounces < 2 || !thrower.reaches(point) {
                             continue;
                         }
+                        last = Some(image);
                         if let Some(scale) = self.imaged(vertex, outgoing, image, record.spectrum, &mut work) {
                             sums.add(replicate, term, &work.spectrum, &lamp.beam, record.weight * scale);
                         }

@@ -212,35 +212,59 @@ impl Mirrors {
         pairs
     }
 
-    /// The images of the sun that points of a box may see, in order; those of two mirrors where `two`.
-    pub fn images(&self, lo: DVec3, hi: DVec3, sun: DVec3, spread: f64, two: bool) -> Vec<Image> {
+    /// The mirrors that may throw the sun into a box of points, from it or from its image in another.
+    pub fn throwers(&self, lo: DVec3, hi: DVec3, sun: DVec3, spread: f64) -> Vec<Thrower> {
         let ball = Ball { centre: 0.5 * (lo + hi), radius: 0.5 * (hi - lo).length() };
-        let mut images = Vec::new();
-        self.throwing(ball, sun, spread, &mut |pane| images.push(Image { first: pane.axis, second: None }));
-        if two && self.panes.len() > 1 {
+        let mut throwers = Vec::new();
+        let of = |pane: &Pane, light: DVec3, second: Option<u32>| {
+            let towards = -mirrored(light, self.axis(pane.axis));
+            Thrower { image: Image { first: pane.axis, second }, ball: pane.ball, towards, spread }
+        };
+        self.throwing(ball, sun, spread, &mut |pane| throwers.push(of(pane, sun, None)));
+        if self.panes.len() > 1 {
             for (pane, second) in self.pairs(sun, spread).iter() {
                 let light = mirrored(sun, self.axis(*second));
                 if throws(pane.ball, self.axis(pane.axis), spread, light, ball) {
-                    images.push(Image { first: pane.axis, second: Some(*second) });
+                    throwers.push(of(pane, light, Some(*second)));
                 }
             }
         }
-        images.sort_unstable();
-        images.dedup();
-        images
+        throwers.sort_by_key(|thrower| thrower.image);
+        throwers
+    }
+}
+
+/// A mirror and where it throws the sun.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Thrower {
+    pub image: Image,
+    ball: Ball,
+    towards: DVec3,
+    spread: f64,
+}
+
+impl Thrower {
+    /// Whether a point may see the image in it.
+    pub fn reaches(&self, point: DVec3) -> bool {
+        reaches(self.ball, self.towards, self.spread, Ball { centre: point, radius: 0.0 })
     }
 }
 
 /// Whether a mirror within `mirror`, its normal within half of `spread` of `axis`, may throw light from `light` into `ball`: the
 /// thrown light runs along −H_n s.
 fn throws(mirror: Ball, axis: DVec3, spread: f64, light: DVec3, ball: Ball) -> bool {
+    reaches(mirror, -mirrored(light, axis), spread, ball)
+}
+
+/// Whether light from a ball towards a direction, within `spread` of it, may meet another ball.
+fn reaches(mirror: Ball, towards: DVec3, spread: f64, ball: Ball) -> bool {
     let apart = ball.centre - mirror.centre;
     let (distance, reach) = (apart.length(), mirror.radius + ball.radius);
     if distance <= reach || reach.is_infinite() {
         return true;
     }
     let allowed = (reach / distance).asin() + spread + 1e-9;
-    apart.angle_between(-mirrored(light, axis)) <= allowed
+    apart.angle_between(towards) <= allowed
 }
 
 #[cfg(test)]
