@@ -123,7 +123,7 @@ impl BenchRuns {
         let mut added: Vec<Experiment> = Vec::new();
         for own in &mut scene.experiments {
             // Radiance is what is judged: counts and other products would only cost.
-            own.products = Products { radiance: true, truth: true, ..NOTHING };
+            own.products = Products { radiance: true, truth: true, ..Products::NOTHING };
         }
         for own in &scene.experiments {
             let like = |name: String, algorithm: ModelUse| Experiment { name, algorithm, ..own.clone() };
@@ -154,15 +154,6 @@ impl BenchRuns {
 fn reference_of(experiment: &str) -> String {
     format!("{experiment} (reference)")
 }
-
-const NOTHING: Products = Products {
-    radiance: false,
-    truth: false,
-    preview: false,
-    surface_radiance: false,
-    counts: false,
-    reflectance_factor: false,
-};
 
 /// The one run that a name stands for.
 fn one_run(name: &str, names: &[String]) -> Result<String, BenchError> {

@@ -958,6 +958,18 @@ pub struct Products {
     pub reflectance_factor: bool,
 }
 
+impl Products {
+    /// None of them.
+    pub const NOTHING: Self = Self {
+        radiance: false,
+        truth: false,
+        preview: false,
+        surface_radiance: false,
+        counts: false,
+        reflectance_factor: false,
+    };
+}
+
 /// An experiment, or one run of an experiment that sweeps.
 #[derive(Clone, Debug)]
 pub struct Experiment {

@@ -7,6 +7,7 @@ use glam::DVec3;
 use rustc_hash::FxHashMap;
 use sunglint_radiometry::{Channels, WorldDir};
 
+use crate::nodes::pivots;
 use crate::sightline::{Knot, Lattice, Share};
 use crate::{Illumination, Nodes};
 
@@ -93,29 +94,9 @@ impl SkyOfChannel {
         // Each term is held to its own mean.
         let owns: Vec<f64> = rows.iter().map(|row| row.iter().sum::<f64>().abs()).collect();
         let normed = |k: usize, i: usize| if owns[k] > 0.0 { rows[k][i] / owns[k] } else { 0.0 };
-        let mut left: Vec<Vec<f64>> = (0..rows.len()).map(|k| (0..n).map(|i| normed(k, i)).collect()).collect();
-        let (mut terms, mut columns): (Vec<u32>, Vec<usize>) = (Vec::new(), Vec::new());
-        while terms.len() < rows.len().min(n) {
-            let (mut worst, mut place) = (SKY_TOLERANCE, None);
-            for (k, row) in left.iter().enumerate() {
-                for (i, value) in row.iter().enumerate() {
-                    if value.abs() > worst {
-                        (worst, place) = (value.abs(), Some((k, i)));
-                    }
-                }
-            }
-            let Some((k, i)) = place else { break };
-            let row: Vec<f64> = left[k].iter().map(|v| v / left[k][i]).collect();
-            for of_term in &mut left {
-                let share = of_term[i];
-                if share != 0.0 {
-                    of_term.iter_mut().zip(&row).for_each(|(l, r)| *l -= share * r);
-                    of_term[i] = 0.0;
-                }
-            }
-            terms.push(k as u32);
-            columns.push(i);
-        }
+        let all: Vec<Vec<f64>> = (0..rows.len()).map(|k| (0..n).map(|i| normed(k, i)).collect()).collect();
+        let (terms, columns): (Vec<u32>, Vec<usize>) =
+            pivots(&all, SKY_TOLERANCE).into_iter().map(|(k, i)| (k as u32, i)).unzip();
         // row_k = Σ_m a_m row_(k_m) at the chosen columns.
         let m = terms.len();
         if m == 0 {
@@ -189,11 +170,6 @@ impl Lights {
     /// Without a path.
     pub(crate) fn bare(&self) -> &Lamp {
         &self.bare
-    }
-
-    /// Number of sky terms that stand for all, over all channels.
-    pub fn n_sky_terms(&self) -> usize {
-        self.n_amounts
     }
 
     fn mix(&self, weights: &[(u32, f64)], amounts: &mut Vec<f64>) {

@@ -524,17 +524,12 @@ impl<'a> BlockLight<'a> {
             let (weights, scale) = match merged.kind {
                 Kind::Own => (&lamp.own, 1.0),
                 Kind::MeanSky => (&lamp.mean_sky, 1.0),
-                Kind::OpenSky(normal) => {
-                    let amounts = self.lights.open_sky(normal);
-                    self.lights.of_sky(lamp, self.block.nodes, &amounts, &mut work.lamp);
-                    (&work.lamp, 1.0)
-                }
                 Kind::Sun { group } => match self.sun.groups[group as usize] {
                     Standing::Lit(cos) => (&lamp.beam, cos),
                     Standing::Dark | Standing::Mixed => continue,
                 },
                 Kind::Ambient { group, .. } if self.sun.groups[group as usize] == Standing::Mixed => continue,
-                Kind::Ambient { normal, .. } => {
+                Kind::OpenSky(normal) | Kind::Ambient { normal, .. } => {
                     let amounts = self.lights.open_sky(normal);
                     self.lights.of_sky(lamp, self.block.nodes, &amounts, &mut work.lamp);
                     (&work.lamp, 1.0)

@@ -154,8 +154,8 @@ impl Nodes {
         means
     }
 
-    /// W_q = Σᵢ Sᵢ ℓ_q(λᵢ) of light that was [summed](Channels::summed) at the channels' wavelengths, channel by channel: the
-    /// weights of a channel's nodes stand at `offset(c) ..`.
+    /// W_q = Σᵢ Sᵢ ℓ_q(λᵢ) of light that was [summed](Channels::summed) at the channels' wavelengths, channel by channel:
+    /// the weights of one channel's nodes after those of the channel before.
     pub fn weigh(&self, summed: &[f64], weights: &mut [f64]) {
         let (mut from, mut to) = (0, 0);
         for OfChannel { shares, .. } in &self.channels {
@@ -198,14 +198,14 @@ fn interpolation(mut functions: Vec<Vec<f64>>, m: usize) -> (Vec<usize>, Vec<Vec
     functions.insert(0, vec![1.0; m]);
     let functions: Vec<Vec<f64>> = functions.into_iter().filter_map(normed).collect();
     // Those that span the others; products of these span all products.
-    let singles: Vec<Vec<f64>> = pivots(&functions, m).into_iter().map(|(f, _)| functions[f].clone()).collect();
+    let singles: Vec<Vec<f64>> = pivots(&functions, ROUNDING).into_iter().map(|(f, _)| functions[f].clone()).collect();
     let pairs = (0..singles.len()).flat_map(|i| (i..singles.len()).map(move |j| (i, j)));
     let product = |(i, j): (usize, usize)| singles[i].iter().zip(&singles[j]).map(|(a, b)| a * b).collect();
     let mut all = functions.clone();
     all.truncate(MOST_FUNCTIONS / 2);
     let n_singles = all.len();
     all.extend(pairs.map(product).filter_map(normed).take(MOST_FUNCTIONS - n_singles));
-    let order: Vec<usize> = pivots(&all, m).into_iter().map(|(_, place)| place).collect();
+    let order: Vec<usize> = pivots(&all, ROUNDING).into_iter().map(|(_, place)| place).collect();
 
     let means: Vec<f64> = all.iter().map(|f| f.iter().sum::<f64>() / m as f64).collect();
     let mut n = order.len().min(4);
@@ -225,12 +225,13 @@ fn interpolation(mut functions: Vec<Vec<f64>>, m: usize) -> (Vec<usize>, Vec<Vec
     }
 }
 
-/// The functions that span the others and their places, worst first.
-fn pivots(functions: &[Vec<f64>], m: usize) -> Vec<(usize, usize)> {
-    let mut left = functions.to_vec();
+/// The rows that span the others to a tolerance and a column of each, worst first: full pivoting.
+pub(crate) fn pivots(rows: &[Vec<f64>], tolerance: f64) -> Vec<(usize, usize)> {
+    let mut left = rows.to_vec();
+    let most = rows.len().min(rows.first().map_or(0, Vec::len));
     let mut pivots = Vec::new();
-    while pivots.len() < m {
-        let (mut worst, mut place) = (ROUNDING, None);
+    while pivots.len() < most {
+        let (mut worst, mut place) = (tolerance, None);
         for (f, values) in left.iter().enumerate() {
             for (i, value) in values.iter().enumerate() {
                 if value.abs() > worst {

@@ -51,10 +51,12 @@ fn rung_below(range: f64) -> u32 {
         false => EVEN_RUNGS + ((range / even).ln() / RANGE_RATIO.ln()) as u32,
     };
     // Rounding may have passed a rung by, or stopped short of it.
-    match () {
-        () if rung(guess) > range => guess.saturating_sub(1),
-        () if rung(guess + 1) <= range => guess + 1,
-        () => guess,
+    if rung(guess) > range {
+        guess.saturating_sub(1)
+    } else if rung(guess + 1) <= range {
+        guess + 1
+    } else {
+        guess
     }
 }
 

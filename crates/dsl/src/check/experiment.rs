@@ -45,15 +45,7 @@ const PRODUCTS: &[&str] = &["radiance", "truth", "preview", "surface_radiance", 
 /// What an experiment asks where it says nothing.
 const ACCURACY: Accuracy = Accuracy::Error { relative: 0.01, floor: None };
 const SEED: u64 = 1;
-const NOTHING: Products = Products {
-    radiance: false,
-    truth: false,
-    preview: false,
-    surface_radiance: false,
-    counts: false,
-    reflectance_factor: false,
-};
-const WRITTEN: Products = Products { radiance: true, truth: true, preview: true, ..NOTHING };
+const WRITTEN: Products = Products { radiance: true, truth: true, preview: true, ..Products::NOTHING };
 const MOST_SAMPLES: u64 = 1 << 24;
 /// Longest time of rendering a run \[s\]: 30 days.
 const LONGEST: f64 = 30.0 * 86_400.0;
@@ -225,7 +217,7 @@ impl<'a> Checker<'a> {
             self.absent(line, "names of products");
             return None;
         };
-        let mut products = NOTHING;
+        let mut products = Products::NOTHING;
         let mut good = true;
         let mut any = false;
         for member in self.members(line, item)? {
