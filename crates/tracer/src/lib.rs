@@ -8,6 +8,7 @@
 
 mod algorithm;
 mod full;
+mod gathered;
 mod hemisphere;
 mod illumination;
 mod lamp;
@@ -21,6 +22,7 @@ mod render;
 mod sampler;
 mod scenery;
 mod sightline;
+mod sun;
 
 pub use algorithm::{Algorithm, BUILTIN, EXACT, Lighting};
 pub use full::FULL;

@@ -4,14 +4,15 @@ use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::DVec3;
 use rustc_hash::FxHashMap;
 use sunglint_radiometry::{Channels, Frame, LocalDir, REPLICATES, WorldDir};
 
+use crate::gathered::{Kind, PixelLight, Sums, term_of};
 use crate::lamp::{Lamp, OfKnot};
 use crate::mirrors::{Image, Thrower, mirrored};
-use crate::paths::{FacetGroup, GlintLaw, Paths, RayCounts, Source, SpectrumId, Vertex};
+use crate::paths::{FacetGroup, Paths, RayCounts, Source, SpectrumId, Vertex};
 use crate::sightline::{Knot, Lattice, Shares};
+use crate::sun::{Standing, SunLight, combined, glint, sun_light, sun_of};
 use crate::{Illumination, Lighting, Lights, Nodes, Scenery, limb};
 
 /// Where a part of a pixel's radiance comes from, as `explain` names it.
@@ -67,281 +68,6 @@ impl Term {
     }
 }
 
-/// Weight of a draw of density `own` where one of density `other` may find the same [Veach1995, power heuristic, β = 2]. In
-/// proportion to the densities themselves a wide lobe would add a thousandth of its light by one draw in a thousand that meets
-/// the disk: 3 % of noise a sample, and none where no draw meets it, so that the replicates would state no error.
-fn combined(own: f64, other: f64) -> f64 {
-    let ratio = other / own;
-    1.0 / (1.0 + ratio * ratio)
-}
-
-/// How the sun stands to the points of a group.
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Standing {
-    /// All are lit, at this cos θ_s.
-    Lit(f64),
-    /// None is.
-    Dark,
-    /// Each for itself.
-    Mixed,
-}
-
-/// How the sun stands to the vertices of a block at one time.
-struct SunLight {
-    /// By group.
-    groups: Vec<Standing>,
-    /// I: 1 where the sun is seen, else 0. Of a disk one point is drawn per vertex.
-    visible: Vec<f64>,
-    /// cos θ_s, below 0 where light passes through the surface from behind, 0 where it is turned away.
-    cos: Vec<f64>,
-    /// Whether something hides the sun.
-    shaded: Vec<bool>,
-}
-
-/// The point of the sun that a vertex sees: its middle, or a point of the disk.
-fn sun_of(vertex: &Vertex, time: &Illumination, sun: WorldDir, frame: &Frame, disk: bool) -> WorldDir {
-    if !disk {
-        return sun;
-    }
-    let r = time.sun_radius.sin();
-    let [x, y] = vertex.disk.map(|c| c * r);
-    frame.to_world(LocalDir::from_unit(DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())))
-}
-
-/// Casts the sun rays of a block, save those that are proved unnecessary.
-fn sun_light(block: &Block<'_>, time: &Illumination) -> (SunLight, RayCounts) {
-    let Block { scenery, paths, groups, lighting, .. } = block;
-    let disk = lighting.sun_disk;
-    let n = paths.vertices.len();
-    let mut light = SunLight {
-        groups: vec![Standing::Mixed; groups.len()],
-        visible: vec![0.0; n],
-        cos: vec![0.0; n],
-        shaded: vec![false; n],
-    };
-    let mut rays = RayCounts::default();
-    let Some(sun) = time.sun else {
-        rays.sun_turned_away += n as u64;
-        light.groups.fill(Standing::Dark);
-        return (light, rays);
-    };
-    let frame = Frame::about(sun.vec());
-    let spread = if disk { time.sun_radius } else { 0.0 };
-    let rises = sun.cos_zenith() > spread.sin();
-    for (standing, group) in light.groups.iter_mut().zip(groups) {
-        let through = block.passes(group);
-        let mu = group.normal.dot(sun.vec());
-        if mu <= -spread.sin() && !through {
-            rays.sun_turned_away += group.members.len() as u64;
-            *standing = Standing::Dark;
-        } else if mu > spread.sin()
-            && rises
-            && group.members.len() > 2
-            && scenery.world.shaft_is_clear(group.lo, group.hi, group.anchor, group.normal, sun, spread)
-        {
-            // The whole disk shines on the facet: its irradiance is E_n cos θ_s.
-            rays.sun_proved_clear += group.members.len() as u64;
-            *standing = Standing::Lit(mu);
-            for i in &group.members {
-                (light.visible[*i as usize], light.cos[*i as usize]) = (1.0, mu);
-            }
-        }
-    }
-    for ((i, vertex), group) in paths.vertices.iter().enumerate().zip(&block.of_vertices) {
-        if light.groups[*group as usize] != Standing::Mixed {
-            continue;
-        }
-        let direction = sun_of(vertex, time, sun, &frame, disk);
-        let mu = vertex.hit.normal.dot(direction.vec());
-        let turned_away = mu <= 0.0 && !block.passes(&groups[*group as usize]);
-        if turned_away || direction.cos_zenith() <= 0.0 {
-            rays.sun_turned_away += 1;
-            continue;
-        }
-        light.cos[i] = mu;
-        rays.sun += 1;
-        light.shaded[i] = scenery.world.occluded(&vertex.hit.leave(direction));
-        light.visible[i] = f64::from(u8::from(!light.shaded[i]));
-    }
-    (light, rays)
-}
-
-/// The planar mirrors in which each group may see the sun.
-fn throwers(block: &Block<'_>, time: &Illumination) -> Vec<Vec<Thrower>> {
-    let mirrors = &block.scenery.mirrors;
-    let Some(sun) = time.sun.filter(|_| block.has_caustics && !mirrors.is_empty()) else { return Vec::new() };
-    let spread = if block.lighting.sun_disk { time.sun_radius } else { 0.0 };
-    block.groups.iter().map(|group| mirrors.throwers(group.lo, group.hi, sun.vec(), spread)).collect()
-}
-
-/// Solid angle common to two cones about directions `apart` radians from each other, half-angles `a` and `b` \[sr\]. The
-/// caps' overlap as circles of radius 2 sin(a/2) on the tangent plane (Lambert's equal-area chart), exact when one
-/// holds the other and within (a + b)²/8 of it else.
-fn cone_overlap(a: f64, b: f64, apart: f64) -> f64 {
-    let (a, b, d) = (2.0 * (0.5 * a).sin(), 2.0 * (0.5 * b).sin(), 2.0 * (0.5 * apart).sin());
-    if d >= a + b {
-        return 0.0;
-    }
-    let small = a.min(b);
-    if d <= (a - b).abs() {
-        return PI * small * small;
-    }
-    let angle = |r: f64, s: f64| ((d * d + r * r - s * s) / (2.0 * d * r)).clamp(-1.0, 1.0).acos();
-    let kite = ((-d + a + b) * (d + a - b) * (d - a + b) * (d + a + b)).max(0.0).sqrt();
-    a * a * angle(a, b) + b * b * angle(b, a) - 0.5 * kite
-}
-
-/// Half-angle of a cone of solid angle Ω = 2π (1 − cos a) \[rad\].
-pub(crate) fn half_angle(solid_angle: f64) -> f64 {
-    2.0 * (solid_angle / (4.0 * PI)).clamp(0.0, 1.0).sqrt().asin()
-}
-
-/// What a specular component of reflectance 1 returns of E_n about a mirror direction: radiance per irradiance \[sr⁻¹\].
-#[allow(clippy::too_many_arguments)]
-fn glint(
-    time: &Illumination,
-    sun: WorldDir,
-    mirror: WorldDir,
-    escaped: bool,
-    solid_angle: f64,
-    half_angle: f64,
-    law: GlintLaw,
-    visible: f64,
-    cos: f64,
-) -> f64 {
-    let omega_sun = time.sun_solid_angle();
-    // Far from the lobe nothing is seen, and most mirror directions are far from the sun.
-    let reach = half_angle + time.sun_radius;
-    if reach < 1.0 && mirror.dot(sun) < 1.0 - 0.5 * reach * reach {
-        return 0.0;
-    }
-    let apart = mirror.angle_to(sun);
-    // A lobe no wider than the disk is a mirror: the ray itself finds the disk.
-    let is_mirror = solid_angle <= omega_sun * (1.0 + 1e-9);
-    let in_disk = apart <= time.sun_radius && escaped;
-    match law {
-        GlintLaw::Printed => {
-            let inside = if is_mirror { in_disk } else { apart <= half_angle && visible > 0.0 };
-            if inside { cos / PI } else { 0.0 }
-        }
-        GlintLaw::Lobe | GlintLaw::Conserving if is_mirror => {
-            if in_disk {
-                1.0 / omega_sun
-            } else {
-                0.0
-            }
-        }
-        GlintLaw::Lobe => {
-            if apart <= half_angle {
-                visible / solid_angle
-            } else {
-                0.0
-            }
-        }
-        GlintLaw::Conserving => visible * cone_overlap(half_angle, time.sun_radius, apart) / (solid_angle * omega_sun),
-    }
-}
-
-/// Records of one pixel that lie together in all but the sample: their sums by replicate.
-#[derive(Clone, Debug)]
-struct Merged {
-    cluster: u8,
-    term: Term,
-    kind: Kind,
-    /// Σ weight × spectrum: replicates × nodes.
-    sums: Vec<f64>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Kind {
-    Own,
-    MeanSky,
-    OpenSky(DVec3),
-    /// The sun on a group of vertices, where it stands to all alike.
-    Sun {
-        group: u32,
-    },
-    /// The open sky over such a group.
-    Ambient {
-        group: u32,
-        normal: DVec3,
-    },
-}
-
-/// What of a pixel's paths does not change with time, gathered once, and the rest.
-pub(crate) struct PixelLight {
-    merged: Vec<Merged>,
-    /// Records of sun and open sky by group: those that count one by one where the sun does not stand to the group alike.
-    of_groups: Vec<(u32, Range<usize>)>,
-    /// Indices of these records, and of all others that each time lights anew.
-    grouped: Vec<u32>,
-    changing: Vec<u32>,
-}
-
-impl PixelLight {
-    /// Sorts the records of one pixel. With `by_term` the parts of the radiance are kept apart.
-    pub fn new(block: &Block<'_>, records: Range<usize>, by_term: bool) -> Self {
-        let paths = block.paths;
-        let n = block.nodes.len();
-        let mut merged: Vec<Merged> = Vec::new();
-        let mut found: FxHashMap<(u8, u8, u8, [u64; 3]), usize> = FxHashMap::default();
-        let (mut changing, mut grouped) = (Vec::new(), Vec::new());
-        for (i, record) in records.clone().zip(&paths.records[records]) {
-            let (kind, key) = match record.source {
-                Source::Own => (Kind::Own, [0; 3]),
-                Source::MeanSky => (Kind::MeanSky, [0; 3]),
-                Source::OpenSky { normal, unless: None } => {
-                    (Kind::OpenSky(normal), normal.to_array().map(f64::to_bits))
-                }
-                Source::OpenSky { normal, unless: Some(vertex) } => {
-                    grouped.push(i as u32);
-                    let group = block.of_vertices[vertex as usize];
-                    (Kind::Ambient { group, normal }, [u64::from(group), 1, 0])
-                }
-                Source::Sun { vertex } => {
-                    grouped.push(i as u32);
-                    let group = block.of_vertices[vertex as usize];
-                    (Kind::Sun { group }, [u64::from(group), 0, 0])
-                }
-                _ => {
-                    changing.push(i as u32);
-                    continue;
-                }
-            };
-            let sample = &paths.samples[record.sample as usize];
-            let term = term_of(record.term, by_term);
-            let tag = match kind {
-                Kind::Own => 0,
-                Kind::MeanSky => 1,
-                Kind::OpenSky(_) => 2,
-                Kind::Sun { .. } | Kind::Ambient { .. } => 3,
-            };
-            let at = *found.entry((sample.cluster, term as u8, tag, key)).or_insert_with(|| {
-                merged.push(Merged { cluster: sample.cluster, term, kind, sums: vec![0.0; REPLICATES * n] });
-                merged.len() - 1
-            });
-            let row = &mut merged[at].sums[usize::from(sample.replicate) * n..][..n];
-            row.iter_mut().zip(paths.spectrum(record.spectrum)).for_each(|(sum, t)| *sum += record.weight * t);
-        }
-        let group_of = |i: &u32| match paths.records[*i as usize].source {
-            Source::Sun { vertex } | Source::OpenSky { unless: Some(vertex), .. } => block.of_vertices[vertex as usize],
-            _ => u32::MAX,
-        };
-        grouped.sort_by_key(group_of);
-        let mut of_groups = Vec::new();
-        let mut start = 0;
-        for run in grouped.chunk_by(|a, b| group_of(a) == group_of(b)) {
-            of_groups.push((group_of(&run[0]), start..start + run.len()));
-            start += run.len();
-        }
-        Self { merged, of_groups, grouped, changing }
-    }
-}
-
-fn term_of(term: Term, by_term: bool) -> Term {
-    if by_term { term } else { Term::DiffuseSun }
-}
-
 /// One pixel's radiance at one time.
 pub(crate) struct PixelRadiance {
     /// Per channel and replicate \[W m⁻² sr⁻¹ µm⁻¹\], channel-major.
@@ -379,14 +105,14 @@ impl PixelRadiance {
 
 /// What a block of pixels is lit with, whatever the time.
 pub(crate) struct Block<'a> {
-    scenery: &'a Scenery,
-    paths: &'a Paths,
-    channels: &'a Channels,
-    nodes: &'a Nodes,
-    lighting: Lighting,
+    pub scenery: &'a Scenery,
+    pub paths: &'a Paths,
+    pub channels: &'a Channels,
+    pub nodes: &'a Nodes,
+    pub lighting: Lighting,
     /// Vertices by facet, and the group of each vertex.
-    groups: Vec<FacetGroup>,
-    of_vertices: Vec<u32>,
+    pub groups: Vec<FacetGroup>,
+    pub of_vertices: Vec<u32>,
     lattice: &'a Lattice<'a>,
     has_caustics: bool,
     has_scatter: bool,
@@ -407,7 +133,7 @@ impl<'a> Block<'a> {
     }
 
     /// Whether light passes through the surface of a group.
-    fn passes(&self, group: &FacetGroup) -> bool {
+    pub fn passes(&self, group: &FacetGroup) -> bool {
         if !self.has_scatter {
             return false;
         }
@@ -758,68 +484,10 @@ impl<'a> BlockLight<'a> {
     }
 }
 
-/// Radiances of one pixel as they are added up.
-struct Sums<'a> {
-    nodes: &'a Nodes,
-    /// One over the samples of each replicate.
-    each: [f64; REPLICATES],
-    radiance: Vec<[f64; REPLICATES]>,
-    terms: Vec<(Term, Vec<f64>)>,
-    by_term: bool,
-}
-
-impl<'a> Sums<'a> {
-    fn new(block: &Block<'a>, each: [f64; REPLICATES], by_term: bool) -> Self {
-        let radiance = vec![[0.0; REPLICATES]; block.channels.len()];
-        Self { nodes: block.nodes, each, radiance, terms: Vec::new(), by_term }
-    }
-
-    /// Adds scale × Σ_q spectrum_q weights_q to each channel.
-    fn add(&mut self, replicate: usize, term: Term, spectrum: &[f64], weights: &[f64], scale: f64) {
-        if scale == 0.0 {
-            return;
-        }
-        let scale = scale * self.each[replicate];
-        let mut of_term = match self.by_term {
-            true => {
-                let at = self.terms.iter().position(|(known, _)| *known == term).unwrap_or_else(|| {
-                    self.terms.push((term, vec![0.0; self.radiance.len()]));
-                    self.terms.len() - 1
-                });
-                Some(&mut self.terms[at].1)
-            }
-            false => None,
-        };
-        let mut start = 0;
-        for (c, sums) in self.radiance.iter_mut().enumerate() {
-            let spectrum = &spectrum[self.nodes.of_channel(c)];
-            let value = scale * spectrum.iter().zip(&weights[start..]).map(|(t, w)| t * w).sum::<f64>();
-            start += spectrum.len();
-            sums[replicate] += value;
-            if let Some(of_term) = &mut of_term {
-                of_term[c] += value / REPLICATES as f64;
-            }
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn cones_that_do_not_meet_share_nothing_and_equal_cones_share_themselves() {
-        let whole = |a: f64| 2.0 * PI * (1.0 - a.cos());
-        assert_eq!(cone_overlap(0.1, 0.2, 0.31), 0.0);
-        assert!((cone_overlap(0.1, 0.3, 0.05) / whole(0.1) - 1.0).abs() < 1e-12);
-        assert!((half_angle(whole(0.3)) - 0.3).abs() < 1e-12);
-    }
-
-    /// Two equal small circles whose centres are one radius apart share 2π/3 − √3/2 of r².
-    #[test]
-    fn overlapping_cones_share_a_lens() {
-        let r = 1e-3;
-        let lens = (2.0 * PI / 3.0 - 3f64.sqrt() / 2.0) * r * r;
-        assert!((cone_overlap(r, r, r) / lens - 1.0).abs() < 1e-5);
-    }
+/// The planar mirrors in which each group may see the sun.
+fn throwers(block: &Block<'_>, time: &Illumination) -> Vec<Vec<Thrower>> {
+    let mirrors = &block.scenery.mirrors;
+    let Some(sun) = time.sun.filter(|_| block.has_caustics && !mirrors.is_empty()) else { return Vec::new() };
+    let spread = if block.lighting.sun_disk { time.sun_radius } else { 0.0 };
+    block.groups.iter().map(|group| mirrors.throwers(group.lo, group.hi, sun.vec(), spread)).collect()
 }

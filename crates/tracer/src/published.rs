@@ -15,9 +15,10 @@ use sunglint_reflectance::{AngularSpectra, Split};
 
 use crate::algorithm::{Algorithm, Lighting};
 use crate::hemisphere::{below_horizon, hemisphere_direction, open_sky_view};
-use crate::light::{Term, half_angle};
+use crate::light::Term;
 use crate::paths::{GlintLaw, ONE, Paths, Sample, Source, SpectrumId};
 use crate::sampler::concentric_disk;
+use crate::sun::half_angle;
 use crate::{Scenery, Stream, Surface};
 
 /// Surfaces after which an unlimited path is played with Russian roulette.

@@ -6,7 +6,8 @@ use sunglint_atmosphere::Path;
 use sunglint_geometry::{FacetId, MaterialId, Ray};
 use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
-use crate::light::{Block, BlockLight, PixelLight, PixelRadiance, Term};
+use crate::gathered::PixelLight;
+use crate::light::{Block, BlockLight, PixelRadiance, Term};
 use crate::paths::{Paths, RayCounts};
 use crate::sightline::{self, Lattice, Shares};
 use crate::{Algorithm, Lights, Nodes, Scenery, Stream};
