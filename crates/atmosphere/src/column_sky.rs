@@ -15,6 +15,7 @@ use std::collections::HashMap;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::sync::{Arc, OnceLock};
 
+use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 use sunglint_radiometry::{Irradiance, Radiance, Spectrum, Transmittance, WorldDir};
 
@@ -586,15 +587,15 @@ impl Shape {
             .collect()
     }
 
-    /// Both parts at a zenith angle and an azimuth from the sun's; the second is nothing without peaked scatterers.
-    fn at(&self, zenith: f64, azimuth: f64) -> [f64; 2] {
-        self.outside(zenith, azimuth, 0.0)
+    /// Both parts at a zenith angle and an azimuth from the sun's, the angle from the sun being no less than `least` \[rad\];
+    /// the second is nothing without peaked scatterers.
+    fn outside(&self, zenith: f64, azimuth: f64, least: f64) -> [f64; 2] {
+        self.towards(zenith, azimuth.cos(), WorldDir::from_zenith_azimuth(zenith, azimuth), least)
     }
 
-    /// The same, the angle from the sun being no less than `least` \[rad\].
-    fn outside(&self, zenith: f64, azimuth: f64, least: f64) -> [f64; 2] {
+    /// The same along a direction whose azimuth counts from the sun's; its zenith angle and the cosine of its azimuth are known.
+    fn towards(&self, zenith: f64, c: f64, direction: WorldDir, least: f64) -> [f64; 2] {
         let x = zenith / FRAC_PI_2 * Self::STEPS as f64;
-        let c = azimuth.cos();
         // Through cos Δφ = 1, 0, −1.
         let shares = [0.5 * c * (c + 1.0), 1.0 - c * c, 0.5 * c * (c - 1.0)];
         let part = |part: &[Vec<f64>; 3]| -> f64 {
@@ -603,7 +604,7 @@ impl Shape {
         if self.halo.is_empty() {
             return [part(&self.parts[0]), 0.0];
         }
-        let angle = WorldDir::from_zenith_azimuth(zenith, azimuth).angle_to(self.sun);
+        let angle = direction.angle_to(self.sun);
         let halo = line(&self.halo, (angle.max(least) / PI).sqrt() * Self::HALO as f64);
         [part(&self.parts[0]), halo * part(&self.parts[1])]
     }
@@ -995,10 +996,15 @@ impl SkyState for ColumnSkyState {
         if direction.cos_zenith() < 0.0 {
             return;
         }
-        let zenith = direction.zenith();
-        let turn = (direction.azimuth() - self.sun.apparent.azimuth()).rem_euclid(TAU);
-        let azimuth = turn.min(TAU - turn);
-        let [smooth, peaked] = shape.at(zenith, azimuth);
+        let (of_sun, v) = (self.sun.apparent.vec().truncate(), direction.vec());
+        let to_sun = of_sun.try_normalize().unwrap_or(DVec2::Y);
+        let (along, across) = (to_sun.dot(v.truncate()), to_sun.perp_dot(v.truncate()).abs());
+        let level = (along * along + across * across).sqrt();
+        let zenith = level.atan2(v.z);
+        let azimuth = across.atan2(along);
+        let cos_azimuth = if level > 0.0 { along / level } else { 1.0 };
+        let from_sun = WorldDir::from_unit(DVec3::new(across, along, v.z));
+        let [smooth, peaked] = shape.towards(zenith, cos_azimuth, from_sun, 0.0);
         let (j, across) = between(&nodes.zeniths, zenith);
         let (k, along) = between(&nodes.azimuths, azimuth);
         for (row, of_row) in [(j, 1.0 - across), (j + 1, across)] {
