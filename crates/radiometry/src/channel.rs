@@ -123,16 +123,20 @@ impl Channels {
     /// after channel: what [`fold_summed`](Self::fold_summed) multiplies by factors that do not depend on g.
     pub fn summed(&self, light: &[f64], transmittance: Option<&[f64]>) -> Vec<f64> {
         let mut sums = Vec::with_capacity(self.runs.iter().map(Vec::len).sum());
-        for ((first, weights), runs) in self.rows.iter().zip(&self.runs) {
-            sums.extend(runs.iter().map(|run| {
-                let terms = weights[run.start - first..].iter().zip(&light[run.clone()]);
-                match transmittance {
-                    Some(tau) => terms.zip(&tau[run.clone()]).map(|((w, l), t)| w * l * t).sum::<f64>(),
-                    None => terms.map(|(w, l)| w * l).sum(),
-                }
-            }));
-        }
+        (0..self.len()).for_each(|c| self.summed_of(c, light, transmittance, &mut sums));
         sums
+    }
+
+    /// The same of one channel, appended to `sums`.
+    pub fn summed_of(&self, c: usize, light: &[f64], transmittance: Option<&[f64]>, sums: &mut Vec<f64>) {
+        let (first, weights) = &self.rows[c];
+        sums.extend(self.runs[c].iter().map(|run| {
+            let terms = weights[run.start - first..].iter().zip(&light[run.clone()]);
+            match transmittance {
+                Some(tau) => terms.zip(&tau[run.clone()]).map(|((w, l), t)| w * l * t).sum::<f64>(),
+                None => terms.map(|(w, l)| w * l).sum(),
+            }
+        }));
     }
 
     /// [`summed`](Self::summed) light of 1: the share of each wavelength in its channel's mean.

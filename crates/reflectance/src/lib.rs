@@ -178,6 +178,12 @@ pub trait Bsdf: Send + Sync {
         0.0
     }
 
+    /// Whether nothing but the Lambertian part scatters light along `incident`; `false` where that takes an `eval` to tell.
+    fn is_lambertian_at(&self, incident: LocalDir, outgoing: LocalDir) -> bool {
+        let _ = (incident, outgoing);
+        false
+    }
+
     /// Density of `sample` \[sr⁻¹\] over the smooth lobes.
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64;
 

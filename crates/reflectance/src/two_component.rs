@@ -121,6 +121,10 @@ impl Bsdf for TwoComponent {
         1.0 - self.specular_choice(self.theta(outgoing))
     }
 
+    fn is_lambertian_at(&self, incident: LocalDir, outgoing: LocalDir) -> bool {
+        self.cone.is_none_or(|cone| !cone.contains(incident, outgoing))
+    }
+
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         if incident.cos() <= 0.0 || outgoing.cos() <= 0.0 || self.lobes == Lobes::default() {
             return 0.0;

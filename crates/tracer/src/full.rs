@@ -229,7 +229,7 @@ impl Full {
             paths.record(id, spectrum, Source::Sun { vertex }, weight / PI, step.term(Term::DiffuseSun));
         }
         if has_rest {
-            let source = Source::Scatter { vertex, outgoing };
+            let source = Source::Scatter { vertex, outgoing, lambertian: of_even, chance: even };
             paths.record(id, spectrum, source, weight, step.term(Term::SpecularSun));
         }
         if (of_even.is_some() || has_rest) && self.caustics && self.goes_on(depth) && !scenery.mirrors.is_empty() {

@@ -1,23 +1,46 @@
-//! The records of one pixel: what of them does not change with time, and their sums.
+//! The records of one pixel: what of them each time multiplies by one number or one sky, gathered once, and the rest.
 
 use std::ops::Range;
 
-use glam::DVec3;
+use glam::{DVec2, DVec3};
 use rustc_hash::FxHashMap;
-use sunglint_radiometry::REPLICATES;
+use smallvec::SmallVec;
+use sunglint_radiometry::{Frame, LocalDir, REPLICATES, WorldDir};
 
-use crate::Nodes;
+use crate::lamp::{Lamp, Lights};
 use crate::light::{Block, Term};
-use crate::paths::Source;
+use crate::nodes::dot;
+use crate::paths::{Record, Source};
+use crate::{Nodes, Paths};
 
 /// Records of one pixel that lie together in all but the sample: their sums by replicate.
 #[derive(Clone, Debug)]
 pub(crate) struct Merged {
+    /// Of samples.
     pub cluster: u8,
     pub term: Term,
     pub kind: Kind,
-    /// Σ weight × spectrum: replicates × nodes.
-    pub sums: Vec<f64>,
+    /// Replicates that have such records, and Σ weight × spectrum of each at the nodes.
+    replicates: SmallVec<[u8; REPLICATES]>,
+    sums: Vec<f64>,
+}
+
+impl Merged {
+    fn add(&mut self, replicate: u8, weight: f64, spectrum: &[f64]) {
+        let n = spectrum.len();
+        // Samples come replicate by replicate.
+        let at = self.replicates.iter().rposition(|known| *known == replicate).unwrap_or_else(|| {
+            self.replicates.push(replicate);
+            self.sums.resize(self.sums.len() + n, 0.0);
+            self.replicates.len() - 1
+        });
+        self.sums[at * n..][..n].iter_mut().zip(spectrum).for_each(|(sum, t)| *sum += weight * t);
+    }
+
+    /// Each replicate's sum at `n` nodes.
+    pub fn by_replicate(&self, n: usize) -> impl Iterator<Item = (usize, &[f64])> {
+        self.replicates.iter().map(|replicate| usize::from(*replicate)).zip(self.sums.chunks_exact(n.max(1)))
+    }
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -25,87 +48,200 @@ pub(crate) enum Kind {
     Own,
     MeanSky,
     OpenSky(DVec3),
-    /// The sun on a group of vertices, where it stands to all alike.
+    /// The sun on a run of points, where it stands to all alike.
     Sun {
-        group: u32,
+        run: u32,
     },
-    /// The open sky over such a group.
+    /// The open sky over such a run.
     Ambient {
-        group: u32,
+        run: u32,
         normal: DVec3,
     },
+    /// The sky in one direction of a patch.
+    Patch {
+        patch: u32,
+        node: WorldDir,
+    },
 }
+
+/// Records of sun and open sky at points of one group.
+pub(crate) struct Run {
+    pub group: u32,
+    /// Of [`PixelLight::grouped`].
+    pub records: Range<usize>,
+}
+
+/// Records that look at the sky along almost the same direction, as those of one plane mirror do: L_d is taken at four
+/// directions and linearly between,
+///
+/// ```text
+/// L_d(x, y) ≈ Σ_ij L_d(x_i, y_j) ½(1 ± √3 x/a) ½(1 ± √3 y/b)     x_i = ±a/√3, y_j = ±b/√3
+/// ```
+///
+/// about the middle of a patch 2a × 2b. These are Gauss points: the mean over a patch evenly filled is exact for cubics, and
+/// no direction is off by more than (a² |L_xx| + b² |L_yy|)/3. About the sun and the horizon L_d falls off no faster than
+/// 1/χ², |L_xx| + |L_yy| ≤ 8 L/χ², so that beyond [`FROM_PEAKS`] half-widths from them that is 1e-4 of L.
+pub(crate) struct Patch {
+    /// Its middle, and the cosine of the angle from it within which the sun must not stand.
+    pub middle: WorldDir,
+    pub cos_near: f64,
+    /// Of [`PixelLight::patched`].
+    pub records: Range<usize>,
+}
+
+/// Half-widths of a patch that sun and horizon must be away from it: 8/3 of its inverse square is 1e-4.
+const FROM_PEAKS: f64 = 164.0;
+/// Directions of a patch lie within this angle of its first \[rad\].
+const PATCH_ANGLE: f64 = 4e-3;
+/// Fewer directions are looked up one by one.
+const LEAST_OF_PATCH: usize = 6;
+/// Patches of one pixel that are looked through for a direction.
+const MOST_PATCHES: usize = 12;
 
 /// What of a pixel's paths does not change with time, gathered once, and the rest.
 pub(crate) struct PixelLight {
     pub merged: Vec<Merged>,
-    /// Records of sun and open sky by group: those that count one by one where the sun does not stand to the group alike.
-    pub of_groups: Vec<(u32, Range<usize>)>,
-    /// Indices of these records, and of all others that each time lights anew.
+    /// Those that count one by one where the sun does not stand to all points alike.
+    pub runs: Vec<Run>,
+    pub patches: Vec<Patch>,
+    /// Indices of the records of the runs and of the patches, and of all others that each time lights anew.
     pub grouped: Vec<u32>,
+    pub patched: Vec<u32>,
     pub changing: Vec<u32>,
+}
+
+/// What tells merged records apart: cluster, term, and of the kind a tag and up to three numbers.
+type Key = (u8, Term, u8, [u64; 3]);
+
+/// Merged records as they are found.
+struct Gathering<'a> {
+    paths: &'a Paths,
+    by_term: bool,
+    merged: Vec<Merged>,
+    found: FxHashMap<Key, usize>,
+}
+
+impl Gathering<'_> {
+    /// Adds a share of a record to those of its kind.
+    fn add(&mut self, record: &Record, share: f64, kind: Kind) {
+        let (tag, key) = match kind {
+            Kind::Own => (0, [0; 3]),
+            Kind::MeanSky => (1, [0; 3]),
+            Kind::OpenSky(normal) => (2, normal.to_array().map(f64::to_bits)),
+            Kind::Sun { run } => (3, [u64::from(run), 0, 0]),
+            // Points of one group have one normal.
+            Kind::Ambient { run, .. } => (4, [u64::from(run), 0, 0]),
+            Kind::Patch { node, .. } => (5, node.vec().to_array().map(f64::to_bits)),
+        };
+        let sample = &self.paths.samples[record.sample as usize];
+        let (cluster, term) = (sample.cluster, term_of(record.term, self.by_term));
+        let at = *self.found.entry((cluster, term, tag, key)).or_insert_with(|| {
+            self.merged.push(Merged { cluster, term, kind, replicates: SmallVec::new(), sums: Vec::new() });
+            self.merged.len() - 1
+        });
+        self.merged[at].add(sample.replicate, record.weight * share, self.paths.spectrum(record.spectrum));
+    }
 }
 
 impl PixelLight {
     /// Sorts the records of one pixel. With `by_term` the parts of the radiance are kept apart.
     pub fn new(block: &Block<'_>, records: Range<usize>, by_term: bool) -> Self {
         let paths = block.paths;
-        let n = block.nodes.len();
-        let mut merged: Vec<Merged> = Vec::new();
-        let mut found: FxHashMap<(u8, u8, u8, [u64; 3]), usize> = FxHashMap::default();
+        let record = |i: u32| &paths.records[i as usize];
         let (mut changing, mut grouped) = (Vec::new(), Vec::new());
-        for (i, record) in records.clone().zip(&paths.records[records]) {
-            let (kind, key) = match record.source {
-                Source::Own => (Kind::Own, [0; 3]),
-                Source::MeanSky => (Kind::MeanSky, [0; 3]),
-                Source::OpenSky { normal, unless: None } => {
-                    (Kind::OpenSky(normal), normal.to_array().map(f64::to_bits))
+        let mut bundles: Vec<(WorldDir, Vec<u32>)> = Vec::new();
+        let mut gathering = Gathering { paths, by_term, merged: Vec::new(), found: FxHashMap::default() };
+        for i in records.start as u32..records.end as u32 {
+            let own = record(i);
+            match own.source {
+                Source::Own => gathering.add(own, 1.0, Kind::Own),
+                Source::MeanSky => gathering.add(own, 1.0, Kind::MeanSky),
+                Source::OpenSky { normal, unless: None } => gathering.add(own, 1.0, Kind::OpenSky(normal)),
+                Source::OpenSky { unless: Some(_), .. } | Source::Sun { .. } => grouped.push(i),
+                Source::Sky { direction, seen: None } => {
+                    let is_near =
+                        |first: WorldDir| (first.vec() - direction.vec()).length_squared() <= PATCH_ANGLE * PATCH_ANGLE;
+                    match bundles.iter().position(|(first, _)| is_near(*first)) {
+                        Some(at) => bundles[at].1.push(i),
+                        None if bundles.len() < MOST_PATCHES => bundles.push((direction, vec![i])),
+                        None => changing.push(i),
+                    }
                 }
-                Source::OpenSky { normal, unless: Some(vertex) } => {
-                    grouped.push(i as u32);
-                    let group = block.of_vertices[vertex as usize];
-                    (Kind::Ambient { group, normal }, [u64::from(group), 1, 0])
-                }
-                Source::Sun { vertex } => {
-                    grouped.push(i as u32);
-                    let group = block.of_vertices[vertex as usize];
-                    (Kind::Sun { group }, [u64::from(group), 0, 0])
-                }
-                _ => {
-                    changing.push(i as u32);
-                    continue;
-                }
-            };
-            let sample = &paths.samples[record.sample as usize];
-            let term = term_of(record.term, by_term);
-            let tag = match kind {
-                Kind::Own => 0,
-                Kind::MeanSky => 1,
-                Kind::OpenSky(_) => 2,
-                Kind::Sun { .. } | Kind::Ambient { .. } => 3,
-            };
-            let at = *found.entry((sample.cluster, term as u8, tag, key)).or_insert_with(|| {
-                merged.push(Merged { cluster: sample.cluster, term, kind, sums: vec![0.0; REPLICATES * n] });
-                merged.len() - 1
-            });
-            let row = &mut merged[at].sums[usize::from(sample.replicate) * n..][..n];
-            row.iter_mut().zip(paths.spectrum(record.spectrum)).for_each(|(sum, t)| *sum += record.weight * t);
+                _ => changing.push(i),
+            }
         }
-        let group_of = |i: &u32| match paths.records[*i as usize].source {
+        let group_of = |i: &u32| match record(*i).source {
             Source::Sun { vertex } | Source::OpenSky { unless: Some(vertex), .. } => block.of_vertices[vertex as usize],
             _ => u32::MAX,
         };
         grouped.sort_by_key(group_of);
-        let mut of_groups = Vec::new();
-        let mut start = 0;
-        for run in grouped.chunk_by(|a, b| group_of(a) == group_of(b)) {
-            of_groups.push((group_of(&run[0]), start..start + run.len()));
-            start += run.len();
+        let mut runs: Vec<Run> = Vec::new();
+        for own in grouped.chunk_by(|a, b| group_of(a) == group_of(b)) {
+            let start = runs.last().map_or(0, |run| run.records.end);
+            let run = runs.len() as u32;
+            runs.push(Run { group: group_of(&own[0]), records: start..start + own.len() });
+            for own in own.iter().map(|i| record(*i)) {
+                let kind = match own.source {
+                    Source::OpenSky { normal, .. } => Kind::Ambient { run, normal },
+                    _ => Kind::Sun { run },
+                };
+                gathering.add(own, 1.0, kind);
+            }
         }
-        Self { merged, of_groups, grouped, changing }
+        let (mut patches, mut patched) = (Vec::new(), Vec::new());
+        for (first, own) in bundles {
+            match patch(first, &own, patches.len() as u32, &mut gathering) {
+                Some((middle, cos_near)) => {
+                    patches.push(Patch { middle, cos_near, records: patched.len()..patched.len() + own.len() });
+                    patched.extend(own);
+                }
+                None => changing.extend(own),
+            }
+        }
+        Self { merged: gathering.merged, runs, patches, grouped, patched, changing }
     }
 }
 
+/// Shares records that look at the sky about `first` between the directions of a patch: its middle and the cosine within
+/// which no sun may stand; `None` where there are few, or the horizon is near.
+fn patch(first: WorldDir, records: &[u32], patch: u32, gathering: &mut Gathering<'_>) -> Option<(WorldDir, f64)> {
+    if records.len() < LEAST_OF_PATCH {
+        return None;
+    }
+    let frame = Frame::about(first.vec());
+    let paths = gathering.paths;
+    let place = |i: &u32| match paths.records[*i as usize].source {
+        Source::Sky { direction, .. } => {
+            let local = frame.to_local(direction).vec();
+            local.truncate() / local.z
+        }
+        _ => DVec2::ZERO,
+    };
+    let direction = |place: DVec2| frame.to_world(LocalDir::from_unit(place.extend(1.0).normalize()));
+    let places: Vec<DVec2> = records.iter().map(place).collect();
+    let low = places.iter().copied().fold(DVec2::INFINITY, DVec2::min);
+    let high = places.iter().copied().fold(DVec2::NEG_INFINITY, DVec2::max);
+    let middle = 0.5 * (low + high);
+    // Where all directions are one, the patch still has a width.
+    let half = (0.5 * (high - low)).max(DVec2::splat(1e-7));
+    let away = (FROM_PEAKS + 1.0) * half.max_element();
+    let centre = direction(middle);
+    if centre.cos_zenith() < away.sin() {
+        return None;
+    }
+    let step = half / 3f64.sqrt();
+    for (x, y) in [(-1.0, -1.0), (1.0, -1.0), (-1.0, 1.0), (1.0, 1.0)] {
+        let side = DVec2::new(x, y);
+        let kind = Kind::Patch { patch, node: direction(middle + side * step) };
+        for (i, place) in records.iter().zip(&places) {
+            let share = 0.5 * (DVec2::ONE + side * (*place - middle) / step);
+            gathering.add(&paths.records[*i as usize], share.x * share.y, kind);
+        }
+    }
+    Some((centre, away.cos()))
+}
+
+/// The term that counts, where terms are not kept apart.
 pub(crate) fn term_of(term: Term, by_term: bool) -> Term {
     if by_term { term } else { Term::DiffuseSun }
 }
@@ -132,25 +268,59 @@ impl<'a> Sums<'a> {
             return;
         }
         let scale = scale * self.each[replicate];
-        let mut of_term = match self.by_term {
+        let (nodes, mut start) = (self.nodes, 0);
+        self.at(term, |sums| {
+            for c in 0..sums.radiance.len() {
+                let spectrum = &spectrum[nodes.of_channel(c)];
+                sums.one(c, replicate, scale * dot(spectrum, &weights[start..]));
+                start += spectrum.len();
+            }
+        });
+    }
+
+    /// Adds scale × spectrum × a sky of these amounts.
+    pub fn add_sky(
+        &mut self,
+        replicate: usize,
+        term: Term,
+        spectrum: &[f64],
+        (lights, lamp, amounts): (&Lights, &Lamp, &[f64]),
+        scale: f64,
+    ) {
+        let scale = scale * self.each[replicate];
+        let nodes = self.nodes;
+        self.at(term, |sums| {
+            lights.through(lamp, nodes, amounts, spectrum, |c, value| sums.one(c, replicate, scale * value));
+        });
+    }
+
+    /// Lets `add` add to the sums, and to those of a term where they are wanted.
+    fn at(&mut self, term: Term, add: impl FnOnce(&mut Adding<'_>)) {
+        let of_term = match self.by_term {
             true => {
                 let at = self.terms.iter().position(|(known, _)| *known == term).unwrap_or_else(|| {
                     self.terms.push((term, vec![0.0; self.radiance.len()]));
                     self.terms.len() - 1
                 });
-                Some(&mut self.terms[at].1)
+                Some(self.terms[at].1.as_mut_slice())
             }
             false => None,
         };
-        let mut start = 0;
-        for (c, sums) in self.radiance.iter_mut().enumerate() {
-            let spectrum = &spectrum[self.nodes.of_channel(c)];
-            let value = scale * spectrum.iter().zip(&weights[start..]).map(|(t, w)| t * w).sum::<f64>();
-            start += spectrum.len();
-            sums[replicate] += value;
-            if let Some(of_term) = &mut of_term {
-                of_term[c] += value / REPLICATES as f64;
-            }
+        add(&mut Adding { radiance: &mut self.radiance, of_term });
+    }
+}
+
+/// What a record is added to.
+struct Adding<'a> {
+    radiance: &'a mut [[f64; REPLICATES]],
+    of_term: Option<&'a mut [f64]>,
+}
+
+impl Adding<'_> {
+    fn one(&mut self, c: usize, replicate: usize, value: f64) {
+        self.radiance[c][replicate] += value;
+        if let Some(of_term) = &mut self.of_term {
+            of_term[c] += value / REPLICATES as f64;
         }
     }
 }

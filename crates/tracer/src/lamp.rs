@@ -1,13 +1,12 @@
 //! The light of one time as the channels of a view see it: weights of their [`Nodes`].
 
-use std::collections::HashMap;
 use std::sync::{Arc, RwLock};
 
 use glam::DVec3;
 use rustc_hash::FxHashMap;
 use sunglint_radiometry::{Channels, WorldDir};
 
-use crate::nodes::pivots;
+use crate::nodes::{dot, pivots};
 use crate::sightline::{Knot, Lattice, Share};
 use crate::{Illumination, Nodes};
 
@@ -34,15 +33,11 @@ impl Lamp {
         let Illumination { sky, beam, mean_sky, .. } = &*lights.illumination;
         let terms = sky.sky_terms();
         let product = |spectra: &[&[f64]]| weights(channels, nodes, spectra, tau_2);
-        let of_term = |term: u32| product(&[&terms[term as usize]]);
-        let known: HashMap<u32, Vec<f64>> =
-            lights.channels.iter().flat_map(|channel| &channel.terms).map(|term| (*term, of_term(*term))).collect();
         let mut of_sky = Vec::new();
-        let mut start = 0;
         for (c, channel) in lights.channels.iter().enumerate() {
-            let n = nodes.of_channel(c).len();
-            channel.terms.iter().for_each(|term| of_sky.extend_from_slice(&known[term][start..start + n]));
-            start += n;
+            for term in &channel.terms {
+                weights_of(c, channels, nodes, &terms[*term as usize], tau_2, &mut of_sky);
+            }
         }
         let beam = match nodes.are_means() {
             true => product(&[sky.solar_irradiance(), sky.sun_transmittance()]),
@@ -51,11 +46,43 @@ impl Lamp {
         Self { own: product(&[]), beam, mean_sky: product(&[mean_sky]), sky: of_sky }
     }
 
-    /// A lamp of zeros with this one's shape.
-    pub fn zeros(&self) -> Self {
-        let [own, beam, mean_sky, sky] = [&self.own, &self.beam, &self.mean_sky, &self.sky].map(|w| vec![0.0; w.len()]);
-        Self { own, beam, mean_sky, sky }
+    /// Takes another's values and shape.
+    pub fn copy(&mut self, other: &Self) {
+        let Self { own, beam, mean_sky, sky } = other;
+        let pairs =
+            [(&mut self.own, own), (&mut self.beam, beam), (&mut self.mean_sky, mean_sky), (&mut self.sky, sky)];
+        pairs.into_iter().for_each(|(to, from)| to.clone_from(from));
     }
+
+    /// Takes another's shape, all zero.
+    pub fn clear(&mut self, other: &Self) {
+        let Self { own, beam, mean_sky, sky } = other;
+        let pairs =
+            [(&mut self.own, own), (&mut self.beam, beam), (&mut self.mean_sky, mean_sky), (&mut self.sky, sky)];
+        for (to, from) in pairs {
+            to.clear();
+            to.resize(from.len(), 0.0);
+        }
+    }
+}
+
+/// Appends the weights of one channel's nodes under one spectrum.
+fn weights_of(
+    c: usize,
+    channels: &Channels,
+    nodes: &Nodes,
+    spectrum: &[f64],
+    tau_2: Option<&[f64]>,
+    out: &mut Vec<f64>,
+) {
+    if nodes.are_means() {
+        return out.push(weights(channels, nodes, &[spectrum], tau_2)[c]);
+    }
+    let mut summed = Vec::new();
+    channels.summed_of(c, spectrum, tau_2, &mut summed);
+    let start = out.len();
+    out.resize(start + nodes.of_channel(c).len(), 0.0);
+    nodes.weigh_of(c, &summed, &mut out[start..]);
 }
 
 /// Weights of the nodes under a product of spectra: formed per grid entry, or of means where the nodes hold means.
@@ -112,6 +139,12 @@ impl SkyOfChannel {
         }
         Self { terms, amounts }
     }
+
+    /// How much of each chosen term the term `k` is.
+    fn row(&self, k: usize) -> &[f64] {
+        let m = self.terms.len();
+        &self.amounts[k * m..(k + 1) * m]
+    }
 }
 
 /// What a knot of the lines of sight gives.
@@ -121,6 +154,8 @@ pub(crate) struct OfKnot {
     /// Mean τ₂ and L_u per channel.
     transmittance: Vec<f64>,
     pub upwelled: Vec<f64>,
+    /// Nothing is lost or added on the way.
+    pub is_clear: bool,
 }
 
 /// The light of one time as the channels of a view see it.
@@ -130,10 +165,12 @@ pub struct Lights {
     channels: Vec<SkyOfChannel>,
     /// Sum of the channels' numbers of terms.
     n_amounts: usize,
+    /// By term of the sky, how much of each channel's terms it is, channel after channel.
+    amounts: Vec<f64>,
     /// Without a path.
     bare: Lamp,
     /// Amounts of the sky over an open facet, by the bits of its normal.
-    open: RwLock<HashMap<[u64; 3], Arc<[f64]>>>,
+    open: RwLock<FxHashMap<[u64; 3], Arc<[f64]>>>,
     knots: RwLock<FxHashMap<Knot, Arc<OfKnot>>>,
     /// How many are kept.
     most_knots: usize,
@@ -152,7 +189,9 @@ impl Lights {
             SkyOfChannel::new(&rows)
         };
         let of_channels: Vec<SkyOfChannel> = (0..channels.len()).map(of_channel).collect();
+        let row = |k: usize| of_channels.iter().flat_map(move |channel| channel.row(k));
         let mut lights = Self {
+            amounts: (0..rows.len()).flat_map(row).copied().collect(),
             illumination,
             n_amounts: of_channels.iter().map(|channel| channel.terms.len()).sum(),
             channels: of_channels,
@@ -173,16 +212,12 @@ impl Lights {
     }
 
     fn mix(&self, weights: &[(u32, f64)], amounts: &mut Vec<f64>) {
+        let n = self.n_amounts;
         amounts.clear();
-        amounts.resize(self.n_amounts, 0.0);
-        let mut start = 0;
-        for channel in &self.channels {
-            let m = channel.terms.len();
-            let own = &mut amounts[start..start + m];
-            for (k, s) in weights {
-                own.iter_mut().zip(&channel.amounts[*k as usize * m..]).for_each(|(amount, a)| *amount += s * a);
-            }
-            start += m;
+        amounts.resize(n, 0.0);
+        for (k, s) in weights {
+            let row = &self.amounts[*k as usize * n..][..n];
+            amounts.iter_mut().zip(row).for_each(|(amount, a)| *amount += s * a);
         }
     }
 
@@ -225,6 +260,30 @@ impl Lights {
                 out.iter_mut().zip(weights).for_each(|(out, w)| *out += amount * w);
             }
             start += n;
+        }
+    }
+
+    /// Σ_q spectrum_q W_q of each channel under a sky of these amounts, handed to `each`.
+    pub(crate) fn through(
+        &self,
+        lamp: &Lamp,
+        nodes: &Nodes,
+        amounts: &[f64],
+        spectrum: &[f64],
+        mut each: impl FnMut(usize, f64),
+    ) {
+        let (mut of_lamp, mut amounts) = (lamp.sky.as_slice(), amounts);
+        for (c, channel) in self.channels.iter().enumerate() {
+            let spectrum = &spectrum[nodes.of_channel(c)];
+            let (own, rest) = amounts.split_at(channel.terms.len());
+            amounts = rest;
+            let mut value = 0.0;
+            for amount in own {
+                let (weights, rest) = of_lamp.split_at(spectrum.len());
+                of_lamp = rest;
+                value += amount * dot(spectrum, weights);
+            }
+            each(c, value);
         }
     }
 
@@ -271,11 +330,16 @@ impl Lights {
                 channels.fold(&l_u, &mut upwelled);
                 let mut transmittance = upwelled.clone();
                 channels.fold(&tau_2, &mut transmittance);
-                OfKnot { lamp: Lamp::new(self, (channels, nodes), Some(&tau_2)), transmittance, upwelled }
+                let is_clear = tau_2.iter().all(|t| *t == 1.0) && l_u.iter().all(|l| *l == 0.0);
+                let lamp = match is_clear {
+                    true => self.bare.clone(),
+                    false => Lamp::new(self, (channels, nodes), Some(&tau_2)),
+                };
+                OfKnot { lamp, transmittance, upwelled, is_clear }
             }
             None => {
                 let n = channels.len();
-                OfKnot { lamp: self.bare.clone(), transmittance: vec![1.0; n], upwelled: vec![0.0; n] }
+                OfKnot { lamp: self.bare.clone(), transmittance: vec![1.0; n], upwelled: vec![0.0; n], is_clear: true }
             }
         });
         let mut knots = self.knots.write().expect("no holder of this lock panics");

@@ -5,14 +5,15 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
+use smallvec::SmallVec;
 use sunglint_radiometry::{Channels, Frame, LocalDir, REPLICATES, WorldDir};
 
-use crate::gathered::{Kind, PixelLight, Sums, term_of};
+use crate::gathered::{Kind, Patch, PixelLight, Run, Sums, term_of};
 use crate::lamp::{Lamp, OfKnot};
 use crate::mirrors::{Image, Thrower, mirrored};
 use crate::paths::{FacetGroup, Paths, RayCounts, Source, SpectrumId, Vertex};
 use crate::sightline::{Knot, Lattice, Shares};
-use crate::sun::{Standing, SunLight, combined, glint, sun_light, sun_of};
+use crate::sun::{Standing, Sun, SunLight, combined, glint, sun_light};
 use crate::{Illumination, Lighting, Lights, Nodes, Scenery, limb};
 
 /// Where a part of a pixel's radiance comes from, as `explain` names it.
@@ -147,7 +148,10 @@ pub(crate) struct BlockLight<'a> {
     block: &'a Block<'a>,
     lights: &'a Lights,
     time: &'a Illumination,
+    disk: Option<Sun>,
     sun: SunLight,
+    /// Cosine of an angle beyond which a direction surely misses the disk.
+    off_disk: f64,
     /// By group; empty where there are none.
     throwers: Vec<Vec<Thrower>>,
     /// Of the knots that the block's lines of sight take from.
@@ -156,9 +160,21 @@ pub(crate) struct BlockLight<'a> {
     work: Work,
 }
 
-/// Room for one record.
+/// What a pixel's points on one facet have in common at one time; `None` where they differ.
+#[derive(Clone, Copy)]
+struct Alike {
+    /// I cos θ_s.
+    sun: Option<f64>,
+    /// α = 1: nothing hides the sun.
+    open: Option<bool>,
+}
+
+/// Room for one pixel and one record.
 #[derive(Default)]
 struct Work {
+    /// By cluster of samples: its lamp, and L_u by channel, empty where there is no path.
+    lamps: Vec<(Lamp, Vec<f64>)>,
+    alike: Vec<Alike>,
     weights: Vec<(u32, f64)>,
     amounts: Vec<f64>,
     lamp: Vec<f64>,
@@ -169,9 +185,12 @@ struct Work {
 impl<'a> BlockLight<'a> {
     pub fn new(block: &'a Block<'a>, lights: &'a Lights) -> Self {
         let time = &*lights.illumination;
-        let (sun, rays) = sun_light(block, time);
+        let disk = Sun::new(time, block.lighting.sun_disk);
+        let (sun, rays) = sun_light(block, disk.as_ref());
         let throwers = throwers(block, time);
-        Self { block, lights, time, sun, throwers, knots: FxHashMap::default(), rays, work: Work::default() }
+        let off_disk = time.sun_radius.cos() - 1e-12;
+        let (knots, work) = (FxHashMap::default(), Work::default());
+        Self { block, lights, time, disk, sun, off_disk, throwers, knots, rays, work }
     }
 
     /// Rays cast so far.
@@ -180,19 +199,52 @@ impl<'a> BlockLight<'a> {
     }
 
     /// The lamp and L_u of a cluster; without τ₂ where there is no path.
-    fn lamp_of(&mut self, shares: Option<&Shares>) -> (Lamp, Vec<f64>) {
-        let Some(shares) = shares else { return (self.lights.bare().clone(), Vec::new()) };
+    fn light_cluster(&mut self, shares: Option<&Shares>, (lamp, l_u): &mut (Lamp, Vec<f64>)) {
+        let bare = self.lights.bare();
+        l_u.clear();
+        let Some(shares) = shares else { return lamp.copy(bare) };
         let Block { lattice, channels, nodes, .. } = self.block;
-        let (mut lamp, mut l_u) = (self.lights.bare().zeros(), vec![0.0; channels.len()]);
-        for share in shares {
-            let mut at = |knot| {
-                let of_knot = self.knots.entry(knot).or_insert_with(|| self.lights.at(knot, lattice, channels, nodes));
-                of_knot.clone()
-            };
-            let (low, high) = (at(share.low), at(share.high));
-            self.lights.add(share, &low, &high, nodes, &mut lamp, &mut l_u);
+        l_u.resize(channels.len(), 0.0);
+        let mut at = |knot| {
+            let of_knot = self.knots.entry(knot).or_insert_with(|| self.lights.at(knot, lattice, channels, nodes));
+            of_knot.clone()
+        };
+        let ends: SmallVec<[_; 4]> = shares.iter().map(|share| (at(share.low), at(share.high))).collect();
+        if ends.iter().all(|(low, high)| low.is_clear && high.is_clear) {
+            return lamp.copy(bare);
         }
-        (lamp, l_u)
+        lamp.clear(bare);
+        for (share, (low, high)) in shares.iter().zip(&ends) {
+            self.lights.add(share, low, high, nodes, lamp, l_u);
+        }
+    }
+
+    /// How the sun and what hides it stand to a run of a pixel's points, where to all alike.
+    fn alike(&self, light: &PixelLight, run: &Run) -> Alike {
+        match self.sun.groups[run.group as usize] {
+            Standing::Lit(cos) => return Alike { sun: Some(cos), open: Some(true) },
+            Standing::Dark => return Alike { sun: Some(0.0), open: Some(true) },
+            Standing::Mixed => {}
+        }
+        let records = light.grouped[run.records.clone()].iter().map(|i| &self.block.paths.records[*i as usize]);
+        let (mut sun, mut open) = (None, None);
+        let (mut sun_differs, mut open_differs) = (false, false);
+        for record in records {
+            match record.source {
+                Source::Sun { vertex } => {
+                    let own = self.sun.visible[vertex as usize] * self.sun.cos[vertex as usize].max(0.0);
+                    sun_differs |= *sun.get_or_insert(own) != own;
+                }
+                Source::OpenSky { unless: Some(vertex), .. } => {
+                    let own = !self.sun.shaded[vertex as usize];
+                    open_differs |= *open.get_or_insert(own) != own;
+                }
+                _ => {}
+            }
+        }
+        // Each point of a disk that darkens towards its limb has its own light.
+        let limb = self.block.lighting.sun_disk && self.block.lighting.limb_darkening;
+        Alike { sun: sun.filter(|sun| !sun_differs && (*sun == 0.0 || !limb)), open: open.filter(|_| !open_differs) }
     }
 
     /// One pixel: its records, its samples, and what each of its clusters takes of the block's lines of sight.
@@ -207,21 +259,24 @@ impl<'a> BlockLight<'a> {
     ) -> PixelRadiance {
         let n = self.block.channels.len();
         let each = counts.map(|count| 1.0 / f64::from(count.max(1)));
-        let (lamps, l_u): (Vec<Lamp>, Vec<Vec<f64>>) =
-            sights.iter().map(|shares| self.lamp_of(shares.as_ref())).unzip();
+        let mut work = std::mem::take(&mut self.work);
+        work.lamps.resize_with(sights.len().max(work.lamps.len()), Default::default);
+        sights.iter().zip(&mut work.lamps).for_each(|(shares, lamp)| self.light_cluster(shares.as_ref(), lamp));
+        work.alike.clear();
+        work.alike.extend(light.runs.iter().map(|run| self.alike(light, run)));
+        let lamps = std::mem::take(&mut work.lamps);
         let mut sums = Sums::new(self.block, each, by_term);
-        self.gather(light, &lamps, by_term, &mut sums);
+        self.gather(light, |cluster| &lamps[cluster].0, by_term, &mut sums, &mut work);
         let leaving = if surface {
-            let bare = vec![self.lights.bare().clone(); sights.len()];
-            let mut leaving = Sums::new(self.block, each, false);
-            self.gather(light, &bare, false, &mut leaving);
+            let (mut leaving, bare) = (Sums::new(self.block, each, false), self.lights.bare());
+            self.gather(light, |_| bare, false, &mut leaving, &mut work);
             leaving.radiance
         } else {
             Vec::new()
         };
         let Sums { mut radiance, terms, .. } = sums;
         let mut upwelled = vec![0.0; n];
-        for (q, values) in l_u.iter().enumerate() {
+        for (q, (_, values)) in lamps[..sights.len()].iter().enumerate() {
             let mut shares = [0.0; REPLICATES];
             let samples = &self.block.paths.samples[samples.clone()];
             for sample in samples.iter().filter(|sample| usize::from(sample.cluster) == q) {
@@ -238,71 +293,89 @@ impl<'a> BlockLight<'a> {
             let visible = sample.vertex.map_or(0.0, |vertex| self.sun.visible[vertex as usize]);
             lit[sample.replicate as usize] += visible * each[sample.replicate as usize];
         }
+        work.lamps = lamps;
+        self.work = work;
         PixelRadiance { radiance, surface: leaving, terms, upwelled, lit }
     }
 
     /// Adds up the records of one pixel under the lamps of its clusters.
-    fn gather(&mut self, light: &PixelLight, lamps: &[Lamp], by_term: bool, sums: &mut Sums<'_>) {
-        let mut work = std::mem::take(&mut self.work);
+    fn gather<'l>(
+        &mut self,
+        light: &PixelLight,
+        lamp_of: impl Fn(usize) -> &'l Lamp,
+        by_term: bool,
+        sums: &mut Sums<'_>,
+        work: &mut Work,
+    ) {
         let n = self.block.nodes.len();
+        let sun = self.time.sun;
+        let is_near = |patch: &Patch| sun.is_some_and(|sun| sun.dot(patch.middle) > patch.cos_near);
         for merged in &light.merged {
-            let lamp = &lamps[merged.cluster as usize];
+            let lamp = lamp_of(merged.cluster.into());
             let (weights, scale) = match merged.kind {
                 Kind::Own => (&lamp.own, 1.0),
                 Kind::MeanSky => (&lamp.mean_sky, 1.0),
-                Kind::Sun { group } => match self.sun.groups[group as usize] {
-                    Standing::Lit(cos) => (&lamp.beam, cos),
-                    Standing::Dark | Standing::Mixed => continue,
+                Kind::Sun { run } => match work.alike[run as usize].sun {
+                    Some(scale) if scale != 0.0 => (&lamp.beam, scale),
+                    _ => continue,
                 },
-                Kind::Ambient { group, .. } if self.sun.groups[group as usize] == Standing::Mixed => continue,
+                Kind::Ambient { run, .. } if work.alike[run as usize].open != Some(true) => continue,
                 Kind::OpenSky(normal) | Kind::Ambient { normal, .. } => {
                     let amounts = self.lights.open_sky(normal);
                     self.lights.of_sky(lamp, self.block.nodes, &amounts, &mut work.lamp);
                     (&work.lamp, 1.0)
                 }
+                Kind::Patch { patch, .. } if is_near(&light.patches[patch as usize]) => continue,
+                Kind::Patch { node, .. } => {
+                    if !self.lights.sky(node, &mut work.weights, &mut work.amounts) {
+                        continue;
+                    }
+                    self.lights.of_sky(lamp, self.block.nodes, &work.amounts, &mut work.lamp);
+                    (&work.lamp, 1.0)
+                }
             };
-            for (replicate, spectrum) in merged.sums.chunks_exact(n).enumerate() {
+            for (replicate, spectrum) in merged.by_replicate(n) {
                 sums.add(replicate, merged.term, spectrum, weights, scale);
             }
         }
         let paths = self.block.paths;
-        for (group, range) in &light.of_groups {
-            if self.sun.groups[*group as usize] != Standing::Mixed {
+        for (run, alike) in light.runs.iter().zip(&work.alike) {
+            if alike.sun.is_some() && alike.open.is_some() {
                 continue;
             }
-            for record in light.grouped[range.clone()].iter().map(|i| &paths.records[*i as usize]) {
+            for record in light.grouped[run.records.clone()].iter().map(|i| &paths.records[*i as usize]) {
                 let sample = &paths.samples[record.sample as usize];
                 let (replicate, term) = (usize::from(sample.replicate), term_of(record.term, by_term));
-                let lamp = &lamps[sample.cluster as usize];
+                let lamp = lamp_of(sample.cluster.into());
+                let spectrum = paths.spectrum(record.spectrum);
                 match record.source {
-                    Source::Sun { vertex } => {
+                    Source::Sun { vertex } if alike.sun.is_none() => {
                         let i = vertex as usize;
                         let scale = record.weight * self.sun.visible[i] * self.sun.cos[i].max(0.0);
                         if scale == 0.0 {
                             continue;
                         }
-                        let spectrum = match self.limb_of(&paths.vertices[i], paths.spectrum(record.spectrum)) {
-                            Some(limb) => {
-                                work.spectrum = limb;
-                                work.spectrum.as_slice()
-                            }
-                            None => paths.spectrum(record.spectrum),
-                        };
-                        sums.add(replicate, term, spectrum, &lamp.beam, scale);
+                        match self.limb_of(&paths.vertices[i], spectrum) {
+                            Some(limb) => sums.add(replicate, term, &limb, &lamp.beam, scale),
+                            None => sums.add(replicate, term, spectrum, &lamp.beam, scale),
+                        }
                     }
-                    Source::OpenSky { normal, unless: Some(vertex) } if !self.sun.shaded[vertex as usize] => {
+                    Source::OpenSky { normal, unless: Some(vertex) }
+                        if alike.open.is_none() && !self.sun.shaded[vertex as usize] =>
+                    {
                         let amounts = self.lights.open_sky(normal);
-                        self.lights.of_sky(lamp, self.block.nodes, &amounts, &mut work.lamp);
-                        sums.add(replicate, term, paths.spectrum(record.spectrum), &work.lamp, record.weight);
+                        sums.add_sky(replicate, term, spectrum, (self.lights, lamp, &amounts), record.weight);
                     }
                     _ => {}
                 }
             }
         }
-        for record in light.changing.iter().map(|i| &paths.records[*i as usize]) {
+        let near = light.patches.iter().filter(|patch| is_near(patch));
+        let patched = near.flat_map(|patch| &light.patched[patch.records.clone()]);
+        for record in patched.chain(&light.changing).map(|i| &paths.records[*i as usize]) {
             let sample = &paths.samples[record.sample as usize];
             let (replicate, term) = (usize::from(sample.replicate), term_of(record.term, by_term));
-            let lamp = &lamps[sample.cluster as usize];
+            let lamp = lamp_of(sample.cluster.into());
             let spectrum = paths.spectrum(record.spectrum);
             match record.source {
                 Source::Own | Source::MeanSky | Source::OpenSky { .. } | Source::Sun { .. } => {}
@@ -318,8 +391,8 @@ impl<'a> BlockLight<'a> {
                         continue;
                     }
                     if self.lights.sky(direction, &mut work.weights, &mut work.amounts) {
-                        self.lights.of_sky(lamp, self.block.nodes, &work.amounts, &mut work.lamp);
-                        sums.add(replicate, term, spectrum, &work.lamp, share * record.weight);
+                        let sky = (self.lights, lamp, work.amounts.as_slice());
+                        sums.add_sky(replicate, term, spectrum, sky, share * record.weight);
                     }
                 }
                 Source::Glint { vertex, mirror, escaped, solid_angle, half_angle, law } => {
@@ -336,8 +409,9 @@ impl<'a> BlockLight<'a> {
                         None => sums.add(replicate, term, spectrum, &lamp.beam, record.weight * value),
                     }
                 }
-                Source::Scatter { vertex, outgoing } => {
-                    if let Some(scale) = self.scattered(vertex, outgoing, record.spectrum, &mut work) {
+                Source::Scatter { vertex, outgoing, lambertian, chance } => {
+                    let even = lambertian.map(|spectrum| (spectrum, chance));
+                    if let Some(scale) = self.scattered(vertex, outgoing, even, record.spectrum, work) {
                         sums.add(replicate, term, &work.spectrum, &lamp.beam, record.weight * scale);
                     }
                 }
@@ -353,20 +427,20 @@ impl<'a> BlockLight<'a> {
                             continue;
                         }
                         last = Some(image);
-                        if let Some(scale) = self.imaged(vertex, outgoing, image, record.spectrum, &mut work) {
+                        if let Some(scale) = self.imaged(vertex, outgoing, image, record.spectrum, work) {
                             sums.add(replicate, term, &work.spectrum, &lamp.beam, record.weight * scale);
                         }
                     }
                 }
             }
         }
-        self.work = work;
     }
 
     /// What a ray that leaves the scene finds of the sun's disk, per irradiance E_n \[sr⁻¹\], and how far from its middle in disk
     /// radii: weighed against the draw of a point of the disk where that too finds it.
     fn disk(&self, direction: WorldDir, density: f64) -> Option<(f64, f64)> {
-        let apart = direction.angle_to(self.time.sun?);
+        let sun = self.time.sun.filter(|sun| direction.dot(*sun) >= self.off_disk)?;
+        let apart = direction.angle_to(sun);
         let drawn = 1.0 / self.time.sun_solid_angle();
         let share = if density.is_finite() { combined(density, drawn) } else { 1.0 };
         (apart <= self.time.sun_radius).then(|| (share * drawn, apart.sin() / self.time.sun_radius.sin()))
@@ -385,14 +459,24 @@ impl<'a> BlockLight<'a> {
         self.darkened(x.hypot(y), spectrum).filter(|_| self.block.lighting.sun_disk)
     }
 
-    /// The sun at a vertex by all but the Lambertian part: fills `work.spectrum`, and gives what is left to multiply by E_n.
-    fn scattered(&self, vertex: u32, outgoing: LocalDir, spectrum: SpectrumId, work: &mut Work) -> Option<f64> {
+    /// The sun at a vertex by all but the Lambertian part, whose spectrum and chance are `even`: fills `work.spectrum`, and gives
+    /// what is left to multiply by E_n.
+    fn scattered(
+        &self,
+        vertex: u32,
+        outgoing: LocalDir,
+        even: Option<(SpectrumId, f64)>,
+        spectrum: SpectrumId,
+        work: &mut Work,
+    ) -> Option<f64> {
         let i = vertex as usize;
-        let sun = self.time.sun.filter(|_| self.sun.visible[i] * self.sun.cos[i] != 0.0)?;
+        let sun = self.disk.as_ref().filter(|_| self.sun.visible[i] * self.sun.cos[i] != 0.0)?;
         let vertex = &self.block.paths.vertices[i];
-        let direction = sun_of(vertex, self.time, sun, &Frame::about(sun.vec()), self.block.lighting.sun_disk);
-        let incident = Frame::about(vertex.hit.normal).to_local(direction);
-        let density = self.lobes(vertex, incident, outgoing, false, spectrum, work)?;
+        let incident = Frame::about(vertex.hit.normal).to_local(sun.of(vertex));
+        if self.block.scenery.surface(vertex.hit.material).bsdf.is_lambertian_at(incident, outgoing) {
+            return None;
+        }
+        let density = self.lobes(vertex, incident, outgoing, even, spectrum, work)?;
         if let Some(limb) = self.limb_of(vertex, &work.spectrum) {
             work.spectrum = limb;
         }
@@ -401,31 +485,29 @@ impl<'a> BlockLight<'a> {
         Some(self.sun.visible[i] * incident.cos().abs() * share)
     }
 
-    /// Fills `work.spectrum` with spectrum × f of a surface's smooth lobes, the Lambertian part left out unless `all`; gives the
-    /// density with which lobes beside the Lambertian part draw the direction. `None` where f is 0.
+    /// Fills `work.spectrum` with spectrum × f of a surface's smooth lobes less what its Lambertian part, `even`, takes of
+    /// that; gives the density with which the lobes that are left draw the direction. `None` where f is 0.
     fn lobes(
         &self,
         vertex: &Vertex,
         incident: LocalDir,
         outgoing: LocalDir,
-        all: bool,
+        even: Option<(SpectrumId, f64)>,
         spectrum: SpectrumId,
         work: &mut Work,
     ) -> Option<f64> {
         let bsdf = &self.block.scenery.surface(vertex.hit.material).bsdf;
-        let n = self.block.nodes.len();
-        work.f.resize(n, 0.0);
-        work.lamp.resize(n, 0.0);
+        work.f.resize(self.block.nodes.len(), 0.0);
         bsdf.eval(incident, outgoing, &mut work.f);
+        let paths = self.block.paths;
+        work.spectrum.clear();
+        work.spectrum.extend(paths.spectrum(spectrum).iter().zip(&work.f).map(|(t, f)| t * f));
         let mut density = bsdf.pdf(incident, outgoing);
-        if !all && incident.cos() > 0.0 {
-            let chance = bsdf.lambertian(outgoing, &mut work.lamp[..n]);
-            work.f.iter_mut().zip(&work.lamp).for_each(|(f, rho)| *f -= rho / PI);
+        if let Some((even, chance)) = even.filter(|_| incident.cos() > 0.0) {
+            work.spectrum.iter_mut().zip(paths.spectrum(even)).for_each(|(t, rho)| *t -= rho / PI);
             density = (density - chance * incident.cos() / PI).max(0.0);
         }
-        work.spectrum.clear();
-        work.spectrum.extend(self.block.paths.spectrum(spectrum).iter().zip(&work.f).map(|(t, f)| t * f));
-        work.f.iter().any(|f| *f != 0.0).then_some(density)
+        work.spectrum.iter().any(|t| *t != 0.0).then_some(density)
     }
 
     /// The sun in mirrors at a vertex: fills `work.spectrum`, and gives what is left to multiply by E_n.
@@ -439,9 +521,8 @@ impl<'a> BlockLight<'a> {
     ) -> Option<f64> {
         let scenery = self.block.scenery;
         let mirrors = &scenery.mirrors;
-        let sun = self.time.sun?;
         let vertex = &self.block.paths.vertices[vertex as usize];
-        let point = sun_of(vertex, self.time, sun, &Frame::about(sun.vec()), self.block.lighting.sun_disk);
+        let point = self.disk.as_ref()?.of(vertex);
         if point.cos_zenith() <= 0.0 {
             return None;
         }
@@ -471,7 +552,7 @@ impl<'a> BlockLight<'a> {
         if scenery.world.occluded(&from.leave(along)) {
             return None;
         }
-        self.lobes(vertex, incident, outgoing, true, spectrum, work)?;
+        self.lobes(vertex, incident, outgoing, None, spectrum, work)?;
         for (hit, outgoing) in hits.into_iter().flatten() {
             let local = Frame::about(hit.normal).to_local(outgoing);
             scenery.surface(hit.material).bsdf.mirror(local, &mut work.f);

@@ -40,20 +40,34 @@ pub(crate) struct SunLight {
     pub shaded: Vec<bool>,
 }
 
-/// The point of the sun that a vertex sees: its middle, or a point of the disk.
-pub(crate) fn sun_of(vertex: &Vertex, time: &Illumination, sun: WorldDir, frame: &Frame, disk: bool) -> WorldDir {
-    if !disk {
-        return sun;
+/// The sun of one time as vertices see it.
+pub(crate) struct Sun {
+    pub middle: WorldDir,
+    frame: Frame,
+    /// Sine of the disk's radius; 0 for a point.
+    radius: f64,
+}
+
+impl Sun {
+    /// `None` where it is down.
+    pub fn new(time: &Illumination, disk: bool) -> Option<Self> {
+        let radius = if disk { time.sun_radius.sin() } else { 0.0 };
+        time.sun.map(|middle| Self { middle, frame: Frame::about(middle.vec()), radius })
     }
-    let r = time.sun_radius.sin();
-    let [x, y] = vertex.disk.map(|c| c * r);
-    frame.to_world(LocalDir::from_unit(DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())))
+
+    /// The point that a vertex sees: its middle, or a point of the disk.
+    pub fn of(&self, vertex: &Vertex) -> WorldDir {
+        if self.radius == 0.0 {
+            return self.middle;
+        }
+        let [x, y] = vertex.disk.map(|c| c * self.radius);
+        self.frame.to_world(LocalDir::from_unit(DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())))
+    }
 }
 
 /// Casts the sun rays of a block, save those that are proved unnecessary.
-pub(crate) fn sun_light(block: &Block<'_>, time: &Illumination) -> (SunLight, RayCounts) {
-    let Block { scenery, paths, groups, lighting, .. } = block;
-    let disk = lighting.sun_disk;
+pub(crate) fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
+    let Block { scenery, paths, groups, .. } = block;
     let n = paths.vertices.len();
     let mut light = SunLight {
         groups: vec![Standing::Mixed; groups.len()],
@@ -62,21 +76,20 @@ pub(crate) fn sun_light(block: &Block<'_>, time: &Illumination) -> (SunLight, Ra
         shaded: vec![false; n],
     };
     let mut rays = RayCounts::default();
-    let Some(sun) = time.sun else {
+    let Some(disk) = disk else {
         rays.sun_turned_away += n as u64;
         light.groups.fill(Standing::Dark);
         return (light, rays);
     };
-    let frame = Frame::about(sun.vec());
-    let spread = if disk { time.sun_radius } else { 0.0 };
-    let rises = sun.cos_zenith() > spread.sin();
+    let (sun, spread) = (disk.middle, disk.radius.asin());
+    let rises = sun.cos_zenith() > disk.radius;
     for (standing, group) in light.groups.iter_mut().zip(groups) {
         let through = block.passes(group);
         let mu = group.normal.dot(sun.vec());
-        if mu <= -spread.sin() && !through {
+        if mu <= -disk.radius && !through {
             rays.sun_turned_away += group.members.len() as u64;
             *standing = Standing::Dark;
-        } else if mu > spread.sin()
+        } else if mu > disk.radius
             && rises
             && group.members.len() > 2
             && scenery.world.shaft_is_clear(group.lo, group.hi, group.anchor, group.normal, sun, spread)
@@ -93,7 +106,7 @@ pub(crate) fn sun_light(block: &Block<'_>, time: &Illumination) -> (SunLight, Ra
         if light.groups[*group as usize] != Standing::Mixed {
             continue;
         }
-        let direction = sun_of(vertex, time, sun, &frame, disk);
+        let direction = disk.of(vertex);
         let mu = vertex.hit.normal.dot(direction.vec());
         let turned_away = mu <= 0.0 && !block.passes(&groups[*group as usize]);
         if turned_away || direction.cos_zenith() <= 0.0 {
