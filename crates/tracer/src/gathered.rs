@@ -7,7 +7,6 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 use sunglint_radiometry::{Frame, LocalDir, REPLICATES, WorldDir};
 
-use crate::lamp::{Lamp, Lights};
 use crate::light::{Block, Term};
 use crate::nodes::dot;
 use crate::paths::{Record, Source};
@@ -23,7 +22,12 @@ pub(crate) struct Merged {
     /// Replicates that have such records, and Σ weight × spectrum of each at the nodes.
     replicates: SmallVec<[u8; REPLICATES]>,
     sums: Vec<f64>,
+    /// Where these are many: all replicates at one node after another.
+    by_node: Vec<[f64; REPLICATES]>,
 }
+
+/// So many replicates cost as much one by one as all of them side by side.
+const MANY_REPLICATES: usize = 5;
 
 impl Merged {
     fn add(&mut self, replicate: u8, weight: f64, spectrum: &[f64]) {
@@ -37,9 +41,16 @@ impl Merged {
         self.sums[at * n..][..n].iter_mut().zip(spectrum).for_each(|(sum, t)| *sum += weight * t);
     }
 
-    /// Each replicate's sum at `n` nodes.
-    pub fn by_replicate(&self, n: usize) -> impl Iterator<Item = (usize, &[f64])> {
-        self.replicates.iter().map(|replicate| usize::from(*replicate)).zip(self.sums.chunks_exact(n.max(1)))
+    /// Lays many replicates side by side, once all are there.
+    fn finish(&mut self, n: usize) {
+        if self.replicates.len() < MANY_REPLICATES {
+            return;
+        }
+        self.by_node = vec![[0.0; REPLICATES]; n];
+        for (replicate, spectrum) in self.replicates.iter().zip(self.sums.chunks_exact(n)) {
+            self.by_node.iter_mut().zip(spectrum).for_each(|(row, sum)| row[usize::from(*replicate)] = *sum);
+        }
+        self.sums = Vec::new();
     }
 }
 
@@ -136,7 +147,14 @@ impl Gathering<'_> {
         let sample = &self.paths.samples[record.sample as usize];
         let (cluster, term) = (sample.cluster, term_of(record.term, self.by_term));
         let at = *self.found.entry((cluster, term, tag, key)).or_insert_with(|| {
-            self.merged.push(Merged { cluster, term, kind, replicates: SmallVec::new(), sums: Vec::new() });
+            self.merged.push(Merged {
+                cluster,
+                term,
+                kind,
+                replicates: SmallVec::new(),
+                sums: Vec::new(),
+                by_node: Vec::new(),
+            });
             self.merged.len() - 1
         });
         self.merged[at].add(sample.replicate, record.weight * share, self.paths.spectrum(record.spectrum));
@@ -198,7 +216,9 @@ impl PixelLight {
                 None => changing.extend(own),
             }
         }
-        Self { merged: gathering.merged, runs, patches, grouped, patched, changing }
+        let mut merged = gathering.merged;
+        merged.iter_mut().for_each(|merged| merged.finish(block.nodes.len()));
+        Self { merged, runs, patches, grouped, patched, changing }
     }
 }
 
@@ -278,19 +298,29 @@ impl<'a> Sums<'a> {
         });
     }
 
-    /// Adds scale × spectrum × a sky of these amounts.
-    pub fn add_sky(
-        &mut self,
-        replicate: usize,
-        term: Term,
-        spectrum: &[f64],
-        (lights, lamp, amounts): (&Lights, &Lamp, &[f64]),
-        scale: f64,
-    ) {
-        let scale = scale * self.each[replicate];
-        let nodes = self.nodes;
-        self.at(term, |sums| {
-            lights.through(lamp, nodes, amounts, spectrum, |c, value| sums.one(c, replicate, scale * value));
+    /// The same of merged records.
+    pub fn add_merged(&mut self, merged: &Merged, weights: &[f64], scale: f64) {
+        if merged.by_node.is_empty() {
+            let n = self.nodes.len().max(1);
+            for (replicate, spectrum) in merged.replicates.iter().zip(merged.sums.chunks_exact(n)) {
+                self.add(usize::from(*replicate), merged.term, spectrum, weights, scale);
+            }
+            return;
+        }
+        let each = self.each.map(|each| scale * each);
+        let (nodes, mut start) = (self.nodes, 0);
+        self.at(merged.term, |sums| {
+            for c in 0..sums.radiance.len() {
+                let rows = &merged.by_node[nodes.of_channel(c)];
+                let mut values = [0.0; REPLICATES];
+                for (row, weight) in rows.iter().zip(&weights[start..]) {
+                    values.iter_mut().zip(row).for_each(|(value, sum)| *value += weight * sum);
+                }
+                start += rows.len();
+                for (replicate, (value, each)) in values.iter().zip(&each).enumerate() {
+                    sums.one(c, replicate, each * value);
+                }
+            }
         });
     }
 

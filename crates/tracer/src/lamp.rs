@@ -4,9 +4,10 @@ use std::sync::{Arc, RwLock};
 
 use glam::DVec3;
 use rustc_hash::FxHashMap;
+use smallvec::SmallVec;
 use sunglint_radiometry::{Channels, WorldDir};
 
-use crate::nodes::{dot, pivots};
+use crate::nodes::{add_rows, pivots};
 use crate::sightline::{Knot, Lattice, Share};
 use crate::{Illumination, Nodes};
 
@@ -215,10 +216,7 @@ impl Lights {
         let n = self.n_amounts;
         amounts.clear();
         amounts.resize(n, 0.0);
-        for (k, s) in weights {
-            let row = &self.amounts[*k as usize * n..][..n];
-            amounts.iter_mut().zip(row).for_each(|(amount, a)| *amount += s * a);
-        }
+        add_rows(amounts, weights.iter().map(|(k, s)| (*s, &self.amounts[*k as usize * n..][..n])));
     }
 
     /// L_d(ω) as amounts; `weights` is for work. Whether it is more than black.
@@ -250,69 +248,40 @@ impl Lights {
         out.resize(lamp.beam.len(), 0.0);
         let (mut start, mut of_lamp, mut amounts) = (0, lamp.sky.as_slice(), amounts);
         for (c, channel) in self.channels.iter().enumerate() {
-            let n = nodes.of_channel(c).len();
-            let (own, rest) = amounts.split_at(channel.terms.len());
-            amounts = rest;
-            let out = &mut out[start..start + n];
-            for amount in own {
-                let (weights, rest) = of_lamp.split_at(n);
-                of_lamp = rest;
-                out.iter_mut().zip(weights).for_each(|(out, w)| *out += amount * w);
-            }
-            start += n;
+            let (n, m) = (nodes.of_channel(c).len(), channel.terms.len());
+            add_rows(&mut out[start..start + n], amounts[..m].iter().copied().zip(of_lamp.chunks_exact(n.max(1))));
+            (start, of_lamp, amounts) = (start + n, &of_lamp[m * n..], &amounts[m..]);
         }
     }
 
-    /// Σ_q spectrum_q W_q of each channel under a sky of these amounts, handed to `each`.
-    pub(crate) fn through(
-        &self,
-        lamp: &Lamp,
-        nodes: &Nodes,
-        amounts: &[f64],
-        spectrum: &[f64],
-        mut each: impl FnMut(usize, f64),
-    ) {
-        let (mut of_lamp, mut amounts) = (lamp.sky.as_slice(), amounts);
-        for (c, channel) in self.channels.iter().enumerate() {
-            let spectrum = &spectrum[nodes.of_channel(c)];
-            let (own, rest) = amounts.split_at(channel.terms.len());
-            amounts = rest;
-            let mut value = 0.0;
-            for amount in own {
-                let (weights, rest) = of_lamp.split_at(spectrum.len());
-                of_lamp = rest;
-                value += amount * dot(spectrum, weights);
-            }
-            each(c, value);
-        }
-    }
-
-    /// Adds a pair of knots to a lamp and L_u, channel by channel.
+    /// Adds what the pairs of knots of some shares give together to a lamp and L_u, channel by channel.
     pub(crate) fn add(
         &self,
-        share: &Share,
-        low: &OfKnot,
-        high: &OfKnot,
+        shares: &[Share],
+        ends: &[(Arc<OfKnot>, Arc<OfKnot>)],
         nodes: &Nodes,
         lamp: &mut Lamp,
         l_u: &mut [f64],
     ) {
         let (mut start, mut of_sky) = (0, 0);
         for (c, channel) in self.channels.iter().enumerate() {
-            let t = share.of_high(low.transmittance[c], high.transmittance[c]);
-            let (a, b) = (share.weight * (1.0 - t), share.weight * t);
-            let n = nodes.of_channel(c).len();
-            let mix = |to: &mut [f64], low: &[f64], high: &[f64]| {
-                to.iter_mut().zip(low).zip(high).for_each(|((to, low), high)| *to += a * low + b * high);
+            let mut knots: SmallVec<[(f64, &OfKnot); 8]> = SmallVec::new();
+            for (share, (low, high)) in shares.iter().zip(ends) {
+                let t = share.of_high(low.transmittance[c], high.transmittance[c]);
+                knots.extend([(share.weight * (1.0 - t), &**low), (share.weight * t, &**high)]);
+            }
+            let mix = |to: &mut [f64], of: fn(&OfKnot) -> &[f64], start: usize| {
+                let n = to.len();
+                add_rows(to, knots.iter().map(|(share, knot)| (*share, &of(knot)[start..start + n])));
             };
-            let own = start..start + n;
-            mix(&mut lamp.own[own.clone()], &low.lamp.own[own.clone()], &high.lamp.own[own.clone()]);
-            mix(&mut lamp.beam[own.clone()], &low.lamp.beam[own.clone()], &high.lamp.beam[own.clone()]);
-            mix(&mut lamp.mean_sky[own.clone()], &low.lamp.mean_sky[own.clone()], &high.lamp.mean_sky[own.clone()]);
-            let sky = of_sky..of_sky + n * channel.terms.len();
-            mix(&mut lamp.sky[sky.clone()], &low.lamp.sky[sky.clone()], &high.lamp.sky[sky.clone()]);
+            let own = start..start + nodes.of_channel(c).len();
+            mix(&mut lamp.own[own.clone()], |knot| &knot.lamp.own, start);
+            mix(&mut lamp.beam[own.clone()], |knot| &knot.lamp.beam, start);
+            mix(&mut lamp.mean_sky[own.clone()], |knot| &knot.lamp.mean_sky, start);
+            let sky = of_sky..of_sky + own.len() * channel.terms.len();
+            mix(&mut lamp.sky[sky.clone()], |knot| &knot.lamp.sky, of_sky);
             (start, of_sky) = (own.end, sky.end);
-            l_u[c] += a * low.upwelled[c] + b * high.upwelled[c];
+            l_u[c] += knots.iter().map(|(share, knot)| share * knot.upwelled[c]).sum::<f64>();
         }
     }
 

@@ -214,9 +214,7 @@ impl<'a> BlockLight<'a> {
             return lamp.copy(bare);
         }
         lamp.clear(bare);
-        for (share, (low, high)) in shares.iter().zip(&ends) {
-            self.lights.add(share, low, high, nodes, lamp, l_u);
-        }
+        self.lights.add(shares, &ends, nodes, lamp, l_u);
     }
 
     /// How the sun and what hides it stand to a run of a pixel's points, where to all alike.
@@ -307,7 +305,6 @@ impl<'a> BlockLight<'a> {
         sums: &mut Sums<'_>,
         work: &mut Work,
     ) {
-        let n = self.block.nodes.len();
         let sun = self.time.sun;
         let is_near = |patch: &Patch| sun.is_some_and(|sun| sun.dot(patch.middle) > patch.cos_near);
         for merged in &light.merged {
@@ -334,9 +331,7 @@ impl<'a> BlockLight<'a> {
                     (&work.lamp, 1.0)
                 }
             };
-            for (replicate, spectrum) in merged.by_replicate(n) {
-                sums.add(replicate, merged.term, spectrum, weights, scale);
-            }
+            sums.add_merged(merged, weights, scale);
         }
         let paths = self.block.paths;
         for (run, alike) in light.runs.iter().zip(&work.alike) {
@@ -364,7 +359,8 @@ impl<'a> BlockLight<'a> {
                         if alike.open.is_none() && !self.sun.shaded[vertex as usize] =>
                     {
                         let amounts = self.lights.open_sky(normal);
-                        sums.add_sky(replicate, term, spectrum, (self.lights, lamp, &amounts), record.weight);
+                        self.lights.of_sky(lamp, self.block.nodes, &amounts, &mut work.lamp);
+                        sums.add(replicate, term, spectrum, &work.lamp, record.weight);
                     }
                     _ => {}
                 }
@@ -391,8 +387,8 @@ impl<'a> BlockLight<'a> {
                         continue;
                     }
                     if self.lights.sky(direction, &mut work.weights, &mut work.amounts) {
-                        let sky = (self.lights, lamp, work.amounts.as_slice());
-                        sums.add_sky(replicate, term, spectrum, sky, share * record.weight);
+                        self.lights.of_sky(lamp, self.block.nodes, &work.amounts, &mut work.lamp);
+                        sums.add(replicate, term, spectrum, &work.lamp, share * record.weight);
                     }
                 }
                 Source::Glint { vertex, mirror, escaped, solid_angle, half_angle, law } => {
