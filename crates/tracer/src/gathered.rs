@@ -7,6 +7,7 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 use sunglint_radiometry::{Frame, LocalDir, REPLICATES, WorldDir};
 
+use crate::lamp::Wants;
 use crate::light::{Block, Term};
 use crate::nodes::dot;
 use crate::paths::{Record, Source};
@@ -109,8 +110,27 @@ const LEAST_OF_PATCH: usize = 6;
 /// Patches of one pixel that are looked through for a direction.
 const MOST_PATCHES: usize = 12;
 
+/// Lobes about almost one mirror direction, in which the sun may be seen.
+pub(crate) struct Glints {
+    first: WorldDir,
+    /// No lobe reaches farther from it \[rad\].
+    angle: f64,
+    pub records: Vec<u32>,
+}
+
+impl Glints {
+    /// Whether some lobe may see a sun of this radius \[rad\].
+    pub fn reach(&self, sun: WorldDir, radius: f64) -> bool {
+        let angle = self.angle + radius;
+        self.first.dot(sun) >= 1.0 - 0.5 * angle * angle
+    }
+}
+
 /// What of a pixel's paths does not change with time, gathered once, and the rest.
 pub(crate) struct PixelLight {
+    /// What its records take of a lamp.
+    pub wants: Wants,
+    pub glints: Vec<Glints>,
     pub merged: Vec<Merged>,
     /// Those that count one by one where the sun does not stand to all points alike.
     pub runs: Vec<Run>,
@@ -167,6 +187,7 @@ impl PixelLight {
         let paths = block.paths;
         let record = |i: u32| &paths.records[i as usize];
         let (mut changing, mut grouped) = (Vec::new(), Vec::new());
+        let mut glints: Vec<Glints> = Vec::new();
         let mut bundles: Vec<(WorldDir, Vec<u32>)> = Vec::new();
         let mut gathering = Gathering { paths, by_term, merged: Vec::new(), found: FxHashMap::default() };
         for i in records.start as u32..records.end as u32 {
@@ -183,6 +204,21 @@ impl PixelLight {
                         Some(at) => bundles[at].1.push(i),
                         None if bundles.len() < MOST_PATCHES => bundles.push((direction, vec![i])),
                         None => changing.push(i),
+                    }
+                }
+                Source::Glint { mirror, half_angle, .. } => {
+                    let is_near = |glints: &Glints| {
+                        (glints.first.vec() - mirror.vec()).length_squared() <= PATCH_ANGLE * PATCH_ANGLE
+                    };
+                    // A chord of such a length spans an angle hardly longer.
+                    let angle = 1.01 * PATCH_ANGLE + half_angle;
+                    match glints.iter().position(is_near) {
+                        Some(at) => {
+                            glints[at].angle = glints[at].angle.max(angle);
+                            glints[at].records.push(i);
+                        }
+                        None if glints.len() == MOST_PATCHES => changing.push(i),
+                        None => glints.push(Glints { first: mirror, angle, records: vec![i] }),
                     }
                 }
                 _ => changing.push(i),
@@ -218,7 +254,14 @@ impl PixelLight {
         }
         let mut merged = gathering.merged;
         merged.iter_mut().for_each(|merged| merged.finish(block.nodes.len()));
-        Self { merged, runs, patches, grouped, patched, changing }
+        let wants = |kind: fn(&Kind) -> bool| merged.iter().any(|merged| kind(&merged.kind));
+        let looks_up = changing.iter().any(|i| matches!(record(*i).source, Source::Sky { .. }));
+        let wants = Wants {
+            own: wants(|kind| *kind == Kind::Own),
+            mean_sky: wants(|kind| *kind == Kind::MeanSky),
+            sky: looks_up || wants(|kind| !matches!(kind, Kind::Own | Kind::MeanSky | Kind::Sun { .. })),
+        };
+        Self { wants, glints, merged, runs, patches, grouped, patched, changing }
     }
 }
 

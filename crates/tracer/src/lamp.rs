@@ -55,12 +55,16 @@ impl Lamp {
         pairs.into_iter().for_each(|(to, from)| to.clone_from(from));
     }
 
-    /// Takes another's shape, all zero.
-    pub fn clear(&mut self, other: &Self) {
+    /// Takes another's shape, what is wanted all zero.
+    pub fn clear(&mut self, other: &Self, wants: Wants) {
         let Self { own, beam, mean_sky, sky } = other;
-        let pairs =
-            [(&mut self.own, own), (&mut self.beam, beam), (&mut self.mean_sky, mean_sky), (&mut self.sky, sky)];
-        for (to, from) in pairs {
+        let sets = [
+            (&mut self.own, own, wants.own),
+            (&mut self.beam, beam, true),
+            (&mut self.mean_sky, mean_sky, wants.mean_sky),
+            (&mut self.sky, sky, wants.sky),
+        ];
+        for (to, from, _) in sets.into_iter().filter(|(_, _, wanted)| *wanted) {
             to.clear();
             to.resize(from.len(), 0.0);
         }
@@ -146,6 +150,14 @@ impl SkyOfChannel {
         let m = self.terms.len();
         &self.amounts[k * m..(k + 1) * m]
     }
+}
+
+/// What of a lamp a pixel takes beside the beam.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Wants {
+    pub own: bool,
+    pub mean_sky: bool,
+    pub sky: bool,
 }
 
 /// What a knot of the lines of sight gives.
@@ -254,12 +266,12 @@ impl Lights {
         }
     }
 
-    /// Adds what the pairs of knots of some shares give together to a lamp and L_u, channel by channel.
+    /// Adds what the pairs of knots of some shares give together to what is wanted of a lamp, and to L_u, channel by channel.
     pub(crate) fn add(
         &self,
         shares: &[Share],
         ends: &[(Arc<OfKnot>, Arc<OfKnot>)],
-        nodes: &Nodes,
+        (nodes, wants): (&Nodes, Wants),
         lamp: &mut Lamp,
         l_u: &mut [f64],
     ) {
@@ -275,11 +287,17 @@ impl Lights {
                 add_rows(to, knots.iter().map(|(share, knot)| (*share, &of(knot)[start..start + n])));
             };
             let own = start..start + nodes.of_channel(c).len();
-            mix(&mut lamp.own[own.clone()], |knot| &knot.lamp.own, start);
             mix(&mut lamp.beam[own.clone()], |knot| &knot.lamp.beam, start);
-            mix(&mut lamp.mean_sky[own.clone()], |knot| &knot.lamp.mean_sky, start);
+            if wants.own {
+                mix(&mut lamp.own[own.clone()], |knot| &knot.lamp.own, start);
+            }
+            if wants.mean_sky {
+                mix(&mut lamp.mean_sky[own.clone()], |knot| &knot.lamp.mean_sky, start);
+            }
             let sky = of_sky..of_sky + own.len() * channel.terms.len();
-            mix(&mut lamp.sky[sky.clone()], |knot| &knot.lamp.sky, of_sky);
+            if wants.sky {
+                mix(&mut lamp.sky[sky.clone()], |knot| &knot.lamp.sky, of_sky);
+            }
             (start, of_sky) = (own.end, sky.end);
             l_u[c] += knots.iter().map(|(share, knot)| share * knot.upwelled[c]).sum::<f64>();
         }

@@ -8,8 +8,8 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 use sunglint_radiometry::{Channels, Frame, LocalDir, REPLICATES, WorldDir};
 
-use crate::gathered::{Kind, Patch, PixelLight, Run, Sums, term_of};
-use crate::lamp::{Lamp, OfKnot};
+use crate::gathered::{Glints, Kind, Patch, PixelLight, Run, Sums, term_of};
+use crate::lamp::{Lamp, OfKnot, Wants};
 use crate::mirrors::{Image, Thrower, mirrored};
 use crate::paths::{FacetGroup, Paths, RayCounts, Source, SpectrumId, Vertex};
 use crate::sightline::{Knot, Lattice, Shares};
@@ -199,7 +199,7 @@ impl<'a> BlockLight<'a> {
     }
 
     /// The lamp and L_u of a cluster; without τ₂ where there is no path.
-    fn light_cluster(&mut self, shares: Option<&Shares>, (lamp, l_u): &mut (Lamp, Vec<f64>)) {
+    fn light_cluster(&mut self, shares: Option<&Shares>, wants: Wants, (lamp, l_u): &mut (Lamp, Vec<f64>)) {
         let bare = self.lights.bare();
         l_u.clear();
         let Some(shares) = shares else { return lamp.copy(bare) };
@@ -213,8 +213,8 @@ impl<'a> BlockLight<'a> {
         if ends.iter().all(|(low, high)| low.is_clear && high.is_clear) {
             return lamp.copy(bare);
         }
-        lamp.clear(bare);
-        self.lights.add(shares, &ends, nodes, lamp, l_u);
+        lamp.clear(bare, wants);
+        self.lights.add(shares, &ends, (nodes, wants), lamp, l_u);
     }
 
     /// How the sun and what hides it stand to a run of a pixel's points, where to all alike.
@@ -259,7 +259,10 @@ impl<'a> BlockLight<'a> {
         let each = counts.map(|count| 1.0 / f64::from(count.max(1)));
         let mut work = std::mem::take(&mut self.work);
         work.lamps.resize_with(sights.len().max(work.lamps.len()), Default::default);
-        sights.iter().zip(&mut work.lamps).for_each(|(shares, lamp)| self.light_cluster(shares.as_ref(), lamp));
+        sights
+            .iter()
+            .zip(&mut work.lamps)
+            .for_each(|(shares, lamp)| self.light_cluster(shares.as_ref(), light.wants, lamp));
         work.alike.clear();
         work.alike.extend(light.runs.iter().map(|run| self.alike(light, run)));
         let lamps = std::mem::take(&mut work.lamps);
@@ -368,7 +371,10 @@ impl<'a> BlockLight<'a> {
         }
         let near = light.patches.iter().filter(|patch| is_near(patch));
         let patched = near.flat_map(|patch| &light.patched[patch.records.clone()]);
-        for record in patched.chain(&light.changing).map(|i| &paths.records[*i as usize]) {
+        // Far from the sun no lobe sees it, and most mirror directions are far from the sun.
+        let sees = |glints: &&Glints| sun.is_some_and(|sun| glints.reach(sun, self.time.sun_radius));
+        let glints = light.glints.iter().filter(sees).flat_map(|glints| &glints.records);
+        for record in patched.chain(glints).chain(&light.changing).map(|i| &paths.records[*i as usize]) {
             let sample = &paths.samples[record.sample as usize];
             let (replicate, term) = (usize::from(sample.replicate), term_of(record.term, by_term));
             let lamp = lamp_of(sample.cluster.into());

@@ -84,9 +84,18 @@ impl Share {
     /// t' of a channel with mean transmittances `low` and `high`.
     pub fn of_high(&self, low: f64, high: f64) -> f64 {
         let (t, lost) = (self.between, 1.0 - high / low);
-        if !(low > 0.0 && high > 0.0) || lost.abs() < 1e-4 {
-            // The first terms of the same.
-            return t + if lost.is_finite() { 0.5 * t * (1.0 - t) * lost } else { 0.0 };
+        if !(low > 0.0 && high > 0.0) {
+            return t;
+        }
+        if lost.abs() < 0.01 {
+            // The binomial series of the same, which is far cheaper: what follows is below rounding.
+            let (mut term, mut sum) = (t, t);
+            for (k, share) in [(1.0, 1.0 / 2.0), (2.0, 1.0 / 3.0), (3.0, 1.0 / 4.0), (4.0, 1.0 / 5.0), (5.0, 1.0 / 6.0)]
+            {
+                term *= lost * (k - t) * share;
+                sum += term;
+            }
+            return sum;
         }
         (1.0 - (high / low).powf(t)) / lost
     }
