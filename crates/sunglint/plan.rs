@@ -1,12 +1,14 @@
 //! What runs, what is skipped, and why. The last place where a scene can fail: after it only writing can.
 
 mod light;
+mod sharing;
 mod skips;
 mod spectra;
 mod view;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
+use std::time::Instant;
 
 use glam::DVec3;
 use sunglint_atmosphere::Needs;
@@ -24,6 +26,8 @@ use crate::products::MapProjection;
 use crate::selection::{Crop, is_experiment, is_time, wanted};
 use crate::times::Moment;
 use crate::{Checked, Readout, Refused, grid, scenery, times};
+
+pub use self::sharing::{BandShare, Sharing};
 
 use self::light::{Asked, Lit, SkyOrder, ground_albedo, in_vain, path_heights};
 use self::skips::{run_skips, scene_skips};
@@ -175,6 +179,8 @@ pub struct Plan {
     pub facets: usize,
     /// Bytes of the acceleration structures and geometry of all distinct worlds.
     pub geometry_bytes: usize,
+    /// Seconds in which the air of all runs was solved.
+    pub air_seconds: f64,
 }
 
 impl Plan {
@@ -191,7 +197,7 @@ impl Plan {
         });
         once_each(&mut diagnostics);
         match planned {
-            Some(Planned { runs, skips, facets, geometry_bytes, title }) if !has_error(&diagnostics) => Ok(Self {
+            Some(Planned { runs, skips, facets, geometry_bytes, air_seconds, title }) if !has_error(&diagnostics) => Ok(Self {
                 runs,
                 title,
                 warnings: diagnostics,
@@ -201,6 +207,7 @@ impl Plan {
                 skips,
                 facets,
                 geometry_bytes,
+                air_seconds,
             }),
             _ => Err(Refused { sources, diagnostics }),
         }
@@ -233,6 +240,7 @@ struct Planned {
     skips: Vec<Skip>,
     facets: usize,
     geometry_bytes: usize,
+    air_seconds: f64,
     title: Option<String>,
 }
 
@@ -320,7 +328,9 @@ fn plan_worlds(
         diagnostics.extend(unknown("time", &options.times, &known, is_time));
     }
     let orders: Vec<&SkyOrder> = drafts.iter().map(|draft| &draft.sky).collect();
+    let solving = Instant::now();
     let (lit, n_shared) = light::solve(&orders, options.unlit, diagnostics);
+    let air_seconds = solving.elapsed().as_secs_f64();
     if n_shared > 0 {
         skips.push(Skip {
             what: format!("{n_shared} solves of the air"),
@@ -341,6 +351,7 @@ fn plan_worlds(
         skips,
         facets: geometries.iter().map(|known| known.world.facet_count()).max().unwrap_or(0),
         geometry_bytes: geometries.iter().map(|known| known.world.memory_bytes()).sum(),
+        air_seconds,
         title: scene.title.clone(),
     })
 }
