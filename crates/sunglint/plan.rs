@@ -19,7 +19,9 @@ use sunglint_plugin::{BindError, SpectralValue, Value};
 use sunglint_radiometry::{Channels, SpectralGrid};
 use sunglint_reflectance::Bsdf;
 use sunglint_sensor::{Band, Camera, Ccd};
-use sunglint_tracer::{Algorithm, Illumination, Lighting, Lights, Nodes, Scenery, Surface, Tile, spectra_of, split_at};
+use sunglint_tracer::{
+    Algorithm, BandMeans, Illumination, Lighting, Lights, Nodes, Scenery, Surface, Tile, spectra_of,
+};
 
 use crate::air::Air;
 use crate::products::MapProjection;
@@ -197,18 +199,20 @@ impl Plan {
         });
         once_each(&mut diagnostics);
         match planned {
-            Some(Planned { runs, skips, facets, geometry_bytes, air_seconds, title }) if !has_error(&diagnostics) => Ok(Self {
-                runs,
-                title,
-                warnings: diagnostics,
-                sources,
-                files: files.hashes().clone(),
-                materials,
-                skips,
-                facets,
-                geometry_bytes,
-                air_seconds,
-            }),
+            Some(Planned { runs, skips, facets, geometry_bytes, air_seconds, title }) if !has_error(&diagnostics) => {
+                Ok(Self {
+                    runs,
+                    title,
+                    warnings: diagnostics,
+                    sources,
+                    files: files.hashes().clone(),
+                    materials,
+                    skips,
+                    facets,
+                    geometry_bytes,
+                    air_seconds,
+                })
+            }
             _ => Err(Refused { sources, diagnostics }),
         }
     }
@@ -562,7 +566,9 @@ impl<'s> Planner<'s, '_> {
         let whole = Tile { x: 0, y: 0, width, height };
         let window = self.options.crop.map_or(Some(whole), |crop| crop.within(camera.pixels()))?;
         let mut estimators = algorithm.estimators();
-        if !nodes.are_means() {
+        if nodes.are_means() {
+            estimators.push("light and reflectances by their means over each band, multiplied: `spectral band`".into());
+        } else {
             let n: usize = (0..traced.len()).map(|c| traced.runs(c).len()).sum();
             estimators.push(format!(
                 "spectra of paths at {} wavelengths for {n} of all channels: means of a spectrum within 5e-5, of a product of two 2e-4",
@@ -777,24 +783,20 @@ impl<'s> Planner<'s, '_> {
                 emission.on(grid).ok()
             })
             .collect();
-        let nodes = match lighting.band_means {
-            true => Nodes::means(channels),
-            false => {
-                let mut spectra: Vec<Vec<f64>> = emissions.iter().flatten().cloned().collect();
-                spectra.extend(bsdfs.iter().flatten().flat_map(|bsdf| spectra_of(bsdf.as_ref(), grid.len())));
-                Nodes::new(grid, channels, spectra.iter().map(Vec::as_slice))
-            }
-        };
-        let at_nodes = self.bsdfs(experiment, &grid.picked(nodes.entries()), &mut shared.surfaces)?;
+        let mut spectra: Vec<Vec<f64>> = emissions.iter().flatten().cloned().collect();
+        spectra.extend(bsdfs.iter().flatten().flat_map(|bsdf| spectra_of(bsdf.as_ref(), grid.len())));
+        let few = Nodes::new(grid, channels, spectra.iter().map(Vec::as_slice));
+        let at_nodes = self.bsdfs(experiment, &grid.picked(few.entries()), &mut shared.surfaces)?;
+        let nodes = if lighting.band_means { Nodes::means(channels) } else { few.clone() };
         let surfaces = (scene.materials.iter().zip(bsdfs).zip(at_nodes).zip(emissions))
             .map(|(((material, bsdf), at_nodes), emission)| {
-                let at_nodes = at_nodes?;
-                let split = match nodes.are_means() {
-                    true => split_at(&nodes, channels, bsdf.as_ref()?.split()),
-                    false => at_nodes.split().clone(),
+                let (at_nodes, of_grid) = (at_nodes?, bsdf.as_ref()?.split());
+                let seen: Arc<dyn Bsdf> = match lighting.band_means {
+                    true => Arc::new(BandMeans::new(at_nodes, &few, channels, of_grid)),
+                    false => at_nodes,
                 };
-                let emission = emission.map(|emission| nodes.of(channels, &emission).into());
-                Some(Surface::new(at_nodes, split, emission, material.code))
+                let (split, emission) = (seen.split().clone(), emission.map(|l| nodes.of(channels, &l).into()));
+                Some(Surface::new(seen, split, emission, material.code))
             })
             .collect();
         Some((nodes, Scenery::new(world.clone(), surfaces)))

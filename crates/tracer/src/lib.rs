@@ -7,6 +7,7 @@
 //! are formed.
 
 mod algorithm;
+mod band_means;
 mod full;
 mod hemisphere;
 mod illumination;
@@ -23,6 +24,7 @@ mod scenery;
 mod sightline;
 
 pub use algorithm::{Algorithm, BUILTIN, EXACT, Lighting};
+pub use band_means::BandMeans;
 pub use full::FULL;
 pub use illumination::Illumination;
 pub use lamp::Lights;
