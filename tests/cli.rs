@@ -1,27 +1,12 @@
 //! The program as a user runs it.
 
+mod program;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use program::{json, stderr, sunglint, text};
 use serde_json::Value;
-
-fn sunglint(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sunglint")).args(args).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn json(args: &[&str]) -> Value {
-    let output = sunglint(args);
-    assert!(output.status.success(), "{args:?}: {}", stderr(&output));
-    serde_json::from_slice(&output.stdout).expect("the output is JSON")
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("temporary paths are UTF-8")
-}
 
 const MINIMAL: &str = "examples/minimal/minimal.glint";
 

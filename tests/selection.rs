@@ -1,8 +1,10 @@
 //! Part of a scene, rendered alone.
 
-use std::path::Path;
-use std::process::{Command, Output};
+mod program;
 
+use std::path::Path;
+
+use program::{stderr, sunglint};
 use sunglint::{Frames, Options, Plan};
 
 const TRUTH: &str = "examples/truth/truth.glint";
@@ -96,14 +98,6 @@ fn a_band_of_the_exact_integral_is_the_same_alone() {
         let alone = plan(scene, &only, (24, 18), Some(16)).runs()[0].render();
         assert_eq!(bits(&alone.frames[0].radiance[0]), bits(&whole.frames[1].radiance[b]), "{band}");
     }
-}
-
-fn sunglint(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sunglint")).args(args).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 #[test]

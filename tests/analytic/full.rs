@@ -7,18 +7,11 @@ use glam::DVec3;
 use sunglint::radiometry::{STUDENT_T_95, WorldDir};
 use sunglint::{Options, Plan, Run};
 
-use crate::pose::{Slack, assert_exact, assert_sampled, beyond_chord, map, pixel, pixels, run, text, whole};
-use crate::{Lines, assert_glint, mean_of_product, omega_sun, room, sun_radius, tilted, trench};
-
-/// No air, a sky of `l_0` and a sun of E₀ = 1500.
-fn light(l_0: f64) -> String {
-    format!("atmosphere none {{ solar_irradiance 1500 W/m2/um, sky_radiance {l_0} W/m2/sr/um }}\n")
-}
-
-/// No air, no sun, a uniform sky of `l_0`.
-fn sky(l_0: f64) -> String {
-    format!("atmosphere none {{ solar_irradiance 0 W/m2/um, sky_radiance {l_0} W/m2/sr/um }}\n")
-}
+use crate::pose::{
+    Lines, Slack, assert_exact, assert_sampled, beyond_chord, light, map, mean_of_product, pixel, pixels, run, sky,
+    text, whole,
+};
+use crate::{assert_glint, omega_sun, room, sun_radius, tilted, trench};
 
 /// A point in the language.
 fn at(p: DVec3) -> String {
