@@ -154,26 +154,6 @@ pub fn beyond_chord(a: f64, b: f64) -> f64 {
     (primitive(b) - primitive(a)) / (b - a)
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The tabulated two-sided 5 % point of Student's t with 15 degrees of freedom is 2.131.
-    #[test]
-    fn the_limits_are_those_of_student() {
-        assert!((inside(sunglint::radiometry::STUDENT_T_95) - 0.95).abs() < 1e-12);
-        assert!((student_limit(1) - 4.0).abs() < 1e-9 && student_limit(100) > 6.0);
-    }
-
-    #[test]
-    fn a_chord_through_the_middle_halves_the_disk() {
-        assert!((beyond_chord(-1.0, 1.0) - 0.5).abs() < 1e-15);
-        let eps = 1e-6;
-        assert!((beyond_chord(0.3 - eps, 0.3 + eps) - (0.3f64.acos() - 0.3 * 0.91f64.sqrt()) / PI).abs() < 1e-9);
-        assert!((beyond_chord(-3.0, -2.0) - 1.0).abs() < 1e-15 && beyond_chord(1.5, 2.0) == 0.0);
-    }
-}
-
 /// A chain of straight lines through (wavelength \[nm\], value).
 pub struct Lines(pub Vec<(f64, f64)>);
 
@@ -199,4 +179,24 @@ pub fn mean_of_product(factors: &[&Lines], (lower, upper): (f64, f64)) -> f64 {
         h * (5.0 * product(m - node) + 8.0 * product(m) + 5.0 * product(m + node)) / 9.0
     };
     cuts.windows(2).map(|w| piece(w[0], w[1])).sum::<f64>() / (upper - lower)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The tabulated two-sided 5 % point of Student's t with 15 degrees of freedom is 2.131.
+    #[test]
+    fn the_limits_are_those_of_student() {
+        assert!((inside(sunglint::radiometry::STUDENT_T_95) - 0.95).abs() < 1e-12);
+        assert!((student_limit(1) - 4.0).abs() < 1e-9 && student_limit(100) > 6.0);
+    }
+
+    #[test]
+    fn a_chord_through_the_middle_halves_the_disk() {
+        assert!((beyond_chord(-1.0, 1.0) - 0.5).abs() < 1e-15);
+        let eps = 1e-6;
+        assert!((beyond_chord(0.3 - eps, 0.3 + eps) - (0.3f64.acos() - 0.3 * 0.91f64.sqrt()) / PI).abs() < 1e-9);
+        assert!((beyond_chord(-3.0, -2.0) - 1.0).abs() < 1e-15 && beyond_chord(1.5, 2.0) == 0.0);
+    }
 }
