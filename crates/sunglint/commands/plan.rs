@@ -21,8 +21,8 @@ Example:
 
 For each experiment and sensor the plan tells what its times and bands share, what each further one adds, and what the \
 run has in common with others. With --measure a few blocks of pixels are rendered and thrown away, at up to three of the \
-times: how many rays all pixels will take, and how much processor time tracing takes and lighting each time. The \
-manifest of a render tells what they took."
+times: how many rays all pixels will take, and how much processor time tracing takes and lighting each time, but for the \
+air that is solved along lines of sight. The manifest of a render tells what they took."
 )]
 pub struct PlanScene {
     /// The scene
