@@ -18,7 +18,10 @@ use std::f64::consts::PI;
 use std::fmt::Write;
 
 use glam::DVec3;
-use pose::{Slack, assert_exact, assert_sampled, beyond_chord, map, pixel, pixels, run, scene, term, text, whole};
+use pose::{
+    Lines, Slack, assert_exact, assert_sampled, beyond_chord, map, mean_of_product, pixel, pixels, run, scene, sky,
+    term, text, whole,
+};
 use sunglint::atmosphere::Path as Sightline;
 use sunglint::radiometry::{STUDENT_T_95, WorldDir};
 use sunglint::{Frames, Options, Plan, Run, explain};
@@ -169,7 +172,7 @@ fn a_tilted_panel_sees_the_closed_forms_of_an_overcast_and_of_a_uniform_sky() {
 #[test]
 fn a_tilted_panel_over_soil_sees_the_soil_below_the_horizon() {
     let (l_0, rho, soil) = (90.0, 0.5, 0.3);
-    let sky = format!("atmosphere none {{ solar_irradiance 0 W/m2/um, sky_radiance {l_0} W/m2/sr/um }}");
+    let sky = sky(l_0);
     let mut pairs = [vec![], vec![], vec![]];
     for beta in [0.0, 30.0, 60.0, 90.0, 150.0f64] {
         let plan = tilted(
@@ -649,33 +652,6 @@ fn two_wide_plates_exchange_the_series_of_their_reflections() {
 }
 
 // ---- wavelengths
-
-/// A chain of straight lines through (wavelength \[nm\], value).
-struct Lines(Vec<(f64, f64)>);
-
-impl Lines {
-    fn at(&self, x: f64) -> f64 {
-        let i = self.0.partition_point(|row| row.0 <= x).clamp(1, self.0.len() - 1);
-        let ((a, u), (b, v)) = (self.0[i - 1], self.0[i]);
-        u + (x - a) / (b - a) * (v - u)
-    }
-}
-
-/// Mean over a band of a product of chains: three Gauss nodes between neighbouring corners are exact up to the fifth
-/// power of wavelength.
-fn mean_of_product(factors: &[&Lines], (lower, upper): (f64, f64)) -> f64 {
-    let mut cuts: Vec<f64> = factors.iter().flat_map(|f| f.0.iter().map(|row| row.0)).collect();
-    cuts.extend([lower, upper]);
-    cuts.retain(|x| (lower..=upper).contains(x));
-    cuts.sort_by(f64::total_cmp);
-    let product = |x: f64| factors.iter().map(|f| f.at(x)).product::<f64>();
-    let piece = |a: f64, b: f64| {
-        let (m, h) = (0.5 * (a + b), 0.5 * (b - a));
-        let node = 0.6f64.sqrt() * h;
-        h * (5.0 * product(m - node) + 8.0 * product(m) + 5.0 * product(m + node)) / 9.0
-    };
-    cuts.windows(2).map(|w| piece(w[0], w[1])).sum::<f64>() / (upper - lower)
-}
 
 /// Two overlapping bands and a narrow one whose edges are corners: the band mean of E_s τ₁ ρ τ₂, four chains of
 /// straight lines with corners at different wavelengths, is its exact integral. Where a reflectance is given per band

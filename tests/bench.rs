@@ -1,8 +1,11 @@
 //! Run time against error: references that are kept, errors that are judged, approximations that are changed one by one.
 
+mod program;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use program::stderr;
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -63,10 +66,6 @@ impl Study {
         let entries = std::fs::read_dir(self.path("panel.reference")).into_iter().flatten();
         entries.filter_map(|entry| Some(entry.ok()?.path())).collect()
     }
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 const QUICK: [&str; 5] = ["--samples", "16", "--reference-samples", "512", "--no-single"];

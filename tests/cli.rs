@@ -1,27 +1,12 @@
 //! The program as a user runs it.
 
+mod program;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
+use program::{json, stderr, sunglint, text};
 use serde_json::Value;
-
-fn sunglint(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sunglint")).args(args).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn json(args: &[&str]) -> Value {
-    let output = sunglint(args);
-    assert!(output.status.success(), "{args:?}: {}", stderr(&output));
-    serde_json::from_slice(&output.stdout).expect("the output is JSON")
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("temporary paths are UTF-8")
-}
 
 const MINIMAL: &str = "examples/minimal/minimal.glint";
 
@@ -250,6 +235,44 @@ fn plan_says_what_runs_and_what_is_skipped() {
     let skips: Vec<&str> =
         run["skips"].as_array().into_iter().flatten().filter_map(|skip| skip["what"].as_str()).collect();
     assert!(skips.iter().any(|what| what.contains("wavelengths")), "{skips:?}");
+    // What a time, a band and an experiment add.
+    let shares = &run["shares"];
+    assert_eq!(shares["camera_rays_least"], 640 * 480 * 65);
+    assert_eq!(shares["tile_bytes_per_time"], 640 * 480 * 4 * (4 * 2 + 1));
+    assert!(run["bands"].as_array().unwrap().iter().all(|band| band["nodes"].as_u64() > Some(0)), "{run:#}");
+    assert!(shares["geometry_with"].as_array().unwrap().iter().any(|with| with == "ideal/roof"), "{shares:#}");
+    assert!(run["measured"].is_null());
+}
+
+/// Measured on a few pixels, the plan tells what a render's manifest tells afterwards: here to a factor, since the pixels differ.
+#[test]
+fn a_plan_measures_what_the_manifest_tells() {
+    const SCENE: &str = "examples/truth/truth.glint";
+    let only = ["--only", "experiment=split", "--only", "scale=0.1", "--only", "time=1992-06-18T17"];
+    let plan = json(&[&["plan", SCENE, "--measure", "--json"], &only[..]].concat());
+    let (run, folder) = (&plan["runs"][0], tempfile::tempdir().expect("a folder"));
+    let output = sunglint(&[&["render", SCENE, "-o", text(folder.path())], &only[..]].concat());
+    assert!(output.status.success(), "{}", stderr(&output));
+    let text = std::fs::read_to_string(folder.path().join("split/roof/manifest.json")).expect("a manifest");
+    let told: Value = serde_json::from_str(&text).expect("JSON");
+    let n_times = told["times"].as_array().expect("rows").len();
+    assert!(n_times > 1 && told["times"].as_array().unwrap().iter().all(|row| row["light_cpu_s"].as_f64() > Some(0.0)));
+    assert_eq!(told["rays"]["camera"].as_f64(), run["measured"]["rays"]["camera"].as_f64());
+    let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{told:#}"));
+    let ratio = |before: &Value, after: f64| number(before) / after;
+    let measured = &run["measured"];
+    for (before, after) in [
+        (&measured["rays"]["hemisphere"], number(&told["rays"]["hemisphere"])),
+        (&measured["trace_cpu_s"], number(&told["seconds"]["trace_cpu_s"])),
+        (&measured["light_cpu_s_per_time"], number(&told["seconds"]["light_cpu_s_per_time"])),
+    ] {
+        assert!((0.2..5.0).contains(&ratio(before, after)), "{before} {after}");
+    }
+    for key in ["atmosphere_of_all_runs_s", "write_s"] {
+        assert!(number(&told["seconds"][key]) > 0.0);
+    }
+    let nodes = |rows: &Value| rows.as_array().unwrap().iter().map(|row| row["nodes"].clone()).collect::<Vec<_>>();
+    assert_eq!(nodes(&run["bands"]), nodes(&told["channels"]));
 }
 
 #[test]

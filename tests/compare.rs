@@ -1,9 +1,11 @@
 //! Images read back and held against each other.
 
+mod program;
+
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
 
+use program::{stderr, sunglint, text};
 use serde_json::Value;
 use sunglint::{
     Beside, CompareError, Image, ImageBand, Materials, Options, PairedBy, Plan, Samples, compare_images, read_image,
@@ -379,18 +381,6 @@ fn broken_files_are_refused() {
 }
 
 // ---- the command
-
-fn sunglint(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sunglint")).args(args).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("UTF-8")
-}
 
 /// A scene whose panel has another reflectance, rendered into folders of one layout.
 fn two_renders(folder: &Path) -> [PathBuf; 2] {

@@ -1,42 +1,12 @@
 //! The commands that show one quantity at a time, and their plots, as a user runs them.
 
+mod program;
+
 use std::f64::consts::PI;
 use std::path::Path;
-use std::process::{Command, Output};
 
+use program::{json, number, refusal, stdout, text};
 use serde_json::Value;
-
-fn sunglint(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sunglint")).args(args).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
-}
-
-fn stdout(args: &[&str]) -> String {
-    let output = sunglint(args);
-    assert!(output.status.success(), "{args:?}: {}", stderr(&output));
-    String::from_utf8(output.stdout).expect("text")
-}
-
-fn json(args: &[&str]) -> Value {
-    serde_json::from_str(&stdout(args)).expect("the output is JSON")
-}
-
-fn refusal(args: &[&str]) -> String {
-    let output = sunglint(args);
-    assert_eq!(output.status.code(), Some(2), "{args:?}: {}", stderr(&output));
-    stderr(&output)
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("temporary paths are UTF-8")
-}
-
-fn number(value: &Value) -> f64 {
-    value.as_f64().unwrap_or_else(|| panic!("{value} is no number"))
-}
 
 fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap_or_else(|| panic!("{value} is no array")).iter().map(number).collect()

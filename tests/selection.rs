@@ -1,8 +1,10 @@
 //! Part of a scene, rendered alone.
 
-use std::path::Path;
-use std::process::{Command, Output};
+mod program;
 
+use std::path::Path;
+
+use program::{stderr, sunglint};
 use sunglint::{Frames, Options, Plan};
 
 const TRUTH: &str = "examples/truth/truth.glint";
@@ -85,25 +87,22 @@ fn a_band_of_the_exact_integral_is_the_same_alone() {
     let scene = folder.path().join("full.glint");
     let truth = std::fs::canonicalize(TRUTH).expect("the example");
     let text = format!(
-        "glint 1\ninclude \"{}\"\nexperiment exact {{ algorithm full, reflectance phong else split else ideal }}\n",
+        "glint 1\ninclude \"{}\"\nexperiment exact {{ algorithm full, reflectance phong else split else ideal }}\n\
+         experiment means like exact {{ algorithm full {{ spectral band }} }}\n",
         truth.display()
     );
     std::fs::write(&scene, text).expect("a scene");
     let scene = scene.to_str().expect("UTF-8");
-    let whole = plan(scene, &["experiment=exact", "time=1992-06-18T17"], (24, 18), Some(16)).runs()[0].render();
-    for (b, band) in [(0, "blue"), (3, "nir")] {
-        let only = ["experiment=exact", "time=1992-06-18T17:31:00Z", &format!("band={band}")];
-        let alone = plan(scene, &only, (24, 18), Some(16)).runs()[0].render();
-        assert_eq!(bits(&alone.frames[0].radiance[0]), bits(&whole.frames[1].radiance[b]), "{band}");
+    for experiment in ["exact", "means"] {
+        let experiment = format!("experiment={experiment}");
+        let whole = plan(scene, &[&experiment, "time=1992-06-18T17"], (24, 18), Some(16)).runs()[0].render();
+        for (b, band) in [(0, "blue"), (3, "nir")] {
+            let only = [&experiment, "time=1992-06-18T17:31:00Z", &format!("band={band}")];
+            let alone = plan(scene, &only, (24, 18), Some(16)).runs()[0].render();
+            let same = bits(&alone.frames[0].radiance[0]) == bits(&whole.frames[1].radiance[b]);
+            assert!(same, "{experiment}, {band}");
+        }
     }
-}
-
-fn sunglint(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sunglint")).args(args).output().expect("the program starts")
-}
-
-fn stderr(output: &Output) -> String {
-    String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
 #[test]

@@ -1,17 +1,12 @@
 //! `sunglint test`: scenes held against the snapshots beside them.
 
+mod program;
+
 use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use std::process::Output;
 
+use program::{sunglint, text};
 use serde_json::Value;
-
-fn sunglint(args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_sunglint")).args(args).output().expect("the program starts")
-}
-
-fn text(path: &Path) -> &str {
-    path.to_str().expect("UTF-8")
-}
 
 fn stdout(output: &Output) -> String {
     String::from_utf8_lossy(&output.stdout).into_owned()

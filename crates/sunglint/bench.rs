@@ -22,7 +22,7 @@ pub use self::changes::Change;
 pub use self::errors::{Errors, FLOOR, WorstError};
 pub use self::reference::{Reference, ReferenceGoal};
 
-use self::cost::{Costed, cast};
+use self::cost::Costed;
 use self::errors::{Pixel, Sums};
 use self::reference::{Wanted, feed_experiment, ground_of, key_of};
 use crate::selection::{is_experiment, wanted};
@@ -414,7 +414,7 @@ impl Bench {
             change: None,
             same_image: false,
             cpu_s: costed.cpu_s,
-            rays: cast(&frames.rays),
+            rays: frames.rays.cast(),
             reference,
             parts: parts(run, frames, &cells),
             on_front: false,

@@ -5,8 +5,9 @@ use std::fmt;
 use rayon::prelude::*;
 use sunglint_geometry::Ray;
 use sunglint_radiometry::Channel;
-use sunglint_tracer::{Accuracy, RayCounts, Tile, TileResult, View, render_tile, tiles};
+use sunglint_tracer::{Accuracy, RayCounts, Spent, Tile, TileResult, View, render_tile, render_tile_timed, tiles};
 
+use crate::clock::thread_seconds;
 use crate::plan::Run;
 
 /// Columns and rows of the coarse map of a digest.
@@ -83,6 +84,11 @@ impl Run {
     /// Renders one tile at all times, with an accuracy of the caller's.
     pub fn render_tile_as(&self, tile: Tile, accuracy: Accuracy) -> TileResult {
         self.with_view(|view| render_tile(&View { accuracy, ..*view }, tile))
+    }
+
+    /// The same, with the processor time that it took.
+    pub(crate) fn render_tile_timed(&self, tile: Tile, accuracy: Accuracy) -> (TileResult, Spent) {
+        self.with_view(|view| render_tile_timed(&View { accuracy, ..*view }, tile, &thread_seconds))
     }
 
     /// The run as the tracer sees it.

@@ -13,9 +13,11 @@ mod air;
 mod bench;
 mod cache;
 mod catalog;
+mod clock;
 mod comparison;
 mod explain;
 mod files;
+mod forecast;
 mod frames;
 mod grid;
 pub mod inspection;
@@ -42,8 +44,9 @@ pub use comparison::{
 };
 pub use explain::{ExplainedBand, ExplainedHit, Explanation, explain};
 pub use files::Files;
+pub use forecast::Forecast;
 pub use frames::{Frame, Frames};
-pub use plan::{LeftOut, Options, Plan, Run, Skip};
+pub use plan::{BandShare, LeftOut, Options, Plan, Run, Sharing, Skip};
 pub use products::{Image, ImageBand, MapProjection, ReadError, Samples, read_image, write_whole};
 pub use readout::Readout;
 pub use render::{

@@ -1,12 +1,14 @@
 //! What runs, what is skipped, and why. The last place where a scene can fail: after it only writing can.
 
 mod light;
+mod sharing;
 mod skips;
 mod spectra;
 mod view;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::sync::Arc;
+use std::time::Instant;
 
 use glam::DVec3;
 use sunglint_atmosphere::Needs;
@@ -17,13 +19,17 @@ use sunglint_plugin::{BindError, SpectralValue, Value};
 use sunglint_radiometry::{Channels, SpectralGrid};
 use sunglint_reflectance::Bsdf;
 use sunglint_sensor::{Band, Camera, Ccd};
-use sunglint_tracer::{Algorithm, Illumination, Lighting, Lights, Nodes, Scenery, Surface, Tile, spectra_of, split_at};
+use sunglint_tracer::{
+    Algorithm, BandMeans, Illumination, Lighting, Lights, Nodes, Scenery, Surface, Tile, spectra_of,
+};
 
 use crate::air::Air;
 use crate::products::MapProjection;
 use crate::selection::{Crop, is_experiment, is_time, wanted};
 use crate::times::Moment;
 use crate::{Checked, Readout, Refused, grid, scenery, times};
+
+pub use self::sharing::{BandShare, Sharing};
 
 use self::light::{Asked, Lit, SkyOrder, ground_albedo, in_vain, path_heights};
 use self::skips::{run_skips, scene_skips};
@@ -175,6 +181,8 @@ pub struct Plan {
     pub facets: usize,
     /// Bytes of the acceleration structures and geometry of all distinct worlds.
     pub geometry_bytes: usize,
+    /// Seconds in which the air of all runs was solved.
+    pub air_seconds: f64,
 }
 
 impl Plan {
@@ -191,17 +199,20 @@ impl Plan {
         });
         once_each(&mut diagnostics);
         match planned {
-            Some(Planned { runs, skips, facets, geometry_bytes, title }) if !has_error(&diagnostics) => Ok(Self {
-                runs,
-                title,
-                warnings: diagnostics,
-                sources,
-                files: files.hashes().clone(),
-                materials,
-                skips,
-                facets,
-                geometry_bytes,
-            }),
+            Some(Planned { runs, skips, facets, geometry_bytes, air_seconds, title }) if !has_error(&diagnostics) => {
+                Ok(Self {
+                    runs,
+                    title,
+                    warnings: diagnostics,
+                    sources,
+                    files: files.hashes().clone(),
+                    materials,
+                    skips,
+                    facets,
+                    geometry_bytes,
+                    air_seconds,
+                })
+            }
             _ => Err(Refused { sources, diagnostics }),
         }
     }
@@ -233,6 +244,7 @@ struct Planned {
     skips: Vec<Skip>,
     facets: usize,
     geometry_bytes: usize,
+    air_seconds: f64,
     title: Option<String>,
 }
 
@@ -320,7 +332,9 @@ fn plan_worlds(
         diagnostics.extend(unknown("time", &options.times, &known, is_time));
     }
     let orders: Vec<&SkyOrder> = drafts.iter().map(|draft| &draft.sky).collect();
+    let solving = Instant::now();
     let (lit, n_shared) = light::solve(&orders, options.unlit, diagnostics);
+    let air_seconds = solving.elapsed().as_secs_f64();
     if n_shared > 0 {
         skips.push(Skip {
             what: format!("{n_shared} solves of the air"),
@@ -341,6 +355,7 @@ fn plan_worlds(
         skips,
         facets: geometries.iter().map(|known| known.world.facet_count()).max().unwrap_or(0),
         geometry_bytes: geometries.iter().map(|known| known.world.memory_bytes()).sum(),
+        air_seconds,
         title: scene.title.clone(),
     })
 }
@@ -551,7 +566,9 @@ impl<'s> Planner<'s, '_> {
         let whole = Tile { x: 0, y: 0, width, height };
         let window = self.options.crop.map_or(Some(whole), |crop| crop.within(camera.pixels()))?;
         let mut estimators = algorithm.estimators();
-        if !nodes.are_means() {
+        if nodes.are_means() {
+            estimators.push("light and reflectances by their means over each band, multiplied: `spectral band`".into());
+        } else {
             let n: usize = (0..traced.len()).map(|c| traced.runs(c).len()).sum();
             estimators.push(format!(
                 "spectra of paths at {} wavelengths for {n} of all channels: means of a spectrum within 5e-5, of a product of two 2e-4",
@@ -766,24 +783,20 @@ impl<'s> Planner<'s, '_> {
                 emission.on(grid).ok()
             })
             .collect();
-        let nodes = match lighting.band_means {
-            true => Nodes::means(channels),
-            false => {
-                let mut spectra: Vec<Vec<f64>> = emissions.iter().flatten().cloned().collect();
-                spectra.extend(bsdfs.iter().flatten().flat_map(|bsdf| spectra_of(bsdf.as_ref(), grid.len())));
-                Nodes::new(grid, channels, spectra.iter().map(Vec::as_slice))
-            }
-        };
-        let at_nodes = self.bsdfs(experiment, &grid.picked(nodes.entries()), &mut shared.surfaces)?;
+        let mut spectra: Vec<Vec<f64>> = emissions.iter().flatten().cloned().collect();
+        spectra.extend(bsdfs.iter().flatten().flat_map(|bsdf| spectra_of(bsdf.as_ref(), grid.len())));
+        let few = Nodes::new(grid, channels, spectra.iter().map(Vec::as_slice));
+        let at_nodes = self.bsdfs(experiment, &grid.picked(few.entries()), &mut shared.surfaces)?;
+        let nodes = if lighting.band_means { Nodes::means(channels) } else { few.clone() };
         let surfaces = (scene.materials.iter().zip(bsdfs).zip(at_nodes).zip(emissions))
             .map(|(((material, bsdf), at_nodes), emission)| {
-                let at_nodes = at_nodes?;
-                let split = match nodes.are_means() {
-                    true => split_at(&nodes, channels, bsdf.as_ref()?.split()),
-                    false => at_nodes.split().clone(),
+                let (at_nodes, of_grid) = (at_nodes?, bsdf.as_ref()?.split());
+                let seen: Arc<dyn Bsdf> = match lighting.band_means {
+                    true => Arc::new(BandMeans::new(at_nodes, &few, channels, of_grid)),
+                    false => at_nodes,
                 };
-                let emission = emission.map(|emission| nodes.of(channels, &emission).into());
-                Some(Surface::new(at_nodes, split, emission, material.code))
+                let (split, emission) = (seen.split().clone(), emission.map(|l| nodes.of(channels, &l).into()));
+                Some(Surface::new(seen, split, emission, material.code))
             })
             .collect();
         Some((nodes, Scenery::new(world.clone(), surfaces)))

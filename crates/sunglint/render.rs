@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 use serde_json::{Value, json};
-use sunglint_tracer::{Accuracy, RayCounts, Tile, TileResult};
+use sunglint_tracer::{Accuracy, RayCounts, Spent, Tile, TileResult};
 
 use crate::cache::TileStore;
 use crate::frames::{Frame, copy_tile, insert_frame};
@@ -132,6 +132,8 @@ pub struct Rendered {
     pub tally: Tally,
     /// Seconds of rendering and of writing.
     pub seconds: (f64, f64),
+    /// Processor time of the tiles rendered now: what all times share, and each time's light.
+    pub spent: Spent,
     /// Samples a pixel that fitted into the run's `time`; `None` without one, or where nothing had changed.
     pub timed_samples: Option<u32>,
 }
@@ -173,6 +175,7 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
             rays,
             tally: Tally::default(),
             seconds: (0.0, 0.0),
+            spent: Spent::default(),
             timed_samples: None,
         });
     }
@@ -196,7 +199,7 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
         progress.tile(cached, &tally);
     };
     let failed = AtomicBool::new(false);
-    let counts: Result<Vec<RayCounts>, RenderError> = (tiles.par_iter().enumerate())
+    let done: Result<Vec<(RayCounts, Spent)>, RenderError> = (tiles.par_iter().enumerate())
         .map(|(i, tile)| {
             if failed.load(Ordering::Relaxed) || progress.stopped() {
                 return Err(RenderError::Stopped);
@@ -204,21 +207,24 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
             if let Some(result) = store.load(i).filter(|result| fits(result, *tile, run)) {
                 resumed.fetch_add(1, Ordering::Relaxed);
                 finished(&result, true);
-                return Ok(result.rays);
+                return Ok((result.rays, Spent::default()));
             }
-            let result = run.render_tile_as(*tile, accuracy);
+            let (result, spent) = run.render_tile_timed(*tile, accuracy);
             store.save(i, &result).map_err(|source| {
                 failed.store(true, Ordering::Relaxed);
                 RenderError::Write { path: out.to_path_buf(), source }
             })?;
             finished(&result, false);
-            Ok(result.rays)
+            Ok((result.rays, spent))
         })
         .collect();
-    let counts = counts?;
+    let done = done?;
     let rendered_in = started.elapsed().as_secs_f64();
-    let mut rays = RayCounts::default();
-    counts.iter().for_each(|count| rays += *count);
+    let (mut rays, mut spent) = (RayCounts::default(), Spent { shared: 0.0, light: vec![0.0; run.moments.len()] });
+    for (of_tile, own) in &done {
+        rays += *of_tile;
+        spent += own;
+    }
     let writing = Instant::now();
     let load = |i: usize| {
         store.load(i).ok_or_else(|| RenderError::Write {
@@ -237,6 +243,7 @@ fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Re
         rays,
         tally: tally.into_inner().expect("no holder of this lock panics"),
         seconds,
+        spent,
         timed_samples,
     };
     let text = format!("{:#}\n", manifest_of(plan, run, &rendered));
@@ -675,12 +682,27 @@ pub fn map_json(run: &Run) -> Value {
 
 fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
     let files: BTreeMap<&String, &String> = plan.files.iter().collect();
-    let channels: Vec<Value> = (run.channels.channels().iter())
-        .map(|c| json!({"name": c.name, "centre_nm": c.centre.nm(), "fwhm_nm": c.fwhm * 1e3}))
+    let channels: Vec<Value> = (run.channels.channels().iter().zip(run.band_shares()))
+        .map(|(c, share)| {
+            let (nodes, entries) = (share.nodes, share.grid_entries);
+            json!({"name": c.name, "centre_nm": c.centre.nm(), "fwhm_nm": c.fwhm * 1e3, "nodes": nodes, "grid_entries": entries})
+        })
         .collect();
+    let mut times = moments_json(run);
+    for (row, light) in times.as_array_mut().into_iter().flatten().zip(&rendered.spent.light) {
+        row["light_cpu_s"] = json!(light);
+    }
     let errors: BTreeMap<&String, f64> =
         run.channels.channels().iter().map(|c| &c.name).zip(rendered.tally.relative_errors()).collect();
-    json!({
+    let light_s: f64 = rendered.spent.light.iter().sum();
+    let seconds = json!({
+        "atmosphere_of_all_runs_s": plan.air_seconds,
+        "trace_cpu_s": rendered.spent.shared,
+        "light_cpu_s": light_s,
+        "light_cpu_s_per_time": light_s / run.moments.len().max(1) as f64,
+        "write_s": rendered.seconds.1,
+    });
+    let mut manifest = json!({
         "sunglint_version": env!("CARGO_PKG_VERSION"),
         "key": run.key,
         "title": plan.title,
@@ -706,7 +728,7 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "detector": detector_json(run),
         "map": map_json(run),
         "grid_entries": run.grid.len(),
-        "times": moments_json(run),
+        "times": times,
         "objects": run.objects.iter().map(object_json).collect::<Vec<_>>(),
         "materials": run.materials.iter().map(|(code, name)| json!({"code": code, "name": name})).collect::<Vec<_>>(),
         "inputs_blake3": files,
@@ -722,5 +744,8 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
         "skips": skips_json(&plan.skips.iter().chain(&run.skips).cloned().collect::<Vec<_>>()),
         "estimators": run.estimators,
         "air_notes": run.air_notes,
-    })
+    });
+    manifest["seconds"] = seconds;
+    manifest["columns_solved"] = json!(run.columns_solved);
+    manifest
 }

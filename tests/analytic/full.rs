@@ -7,18 +7,11 @@ use glam::DVec3;
 use sunglint::radiometry::{STUDENT_T_95, WorldDir};
 use sunglint::{Options, Plan, Run};
 
-use crate::pose::{Slack, assert_exact, assert_sampled, beyond_chord, map, pixel, pixels, run, text, whole};
+use crate::pose::{
+    Lines, Slack, assert_exact, assert_sampled, beyond_chord, light, map, mean_of_product, pixel, pixels, run, sky,
+    text, whole,
+};
 use crate::{assert_glint, omega_sun, room, sun_radius, tilted, trench};
-
-/// No air, a sky of `l_0` and a sun of E₀ = 1500.
-fn light(l_0: f64) -> String {
-    format!("atmosphere none {{ solar_irradiance 1500 W/m2/um, sky_radiance {l_0} W/m2/sr/um }}\n")
-}
-
-/// No air, no sun, a uniform sky of `l_0`.
-fn sky(l_0: f64) -> String {
-    format!("atmosphere none {{ solar_irradiance 0 W/m2/um, sky_radiance {l_0} W/m2/sr/um }}\n")
-}
 
 /// A point in the language.
 fn at(p: DVec3) -> String {
@@ -688,6 +681,63 @@ fn a_glossy_floor_throws_its_glint_upward() {
     }
 }
 
+/// A mirror and a wall under coloured light, E (1 + x), reflecting as (1 + 3x)/5, over a band 0 ≤ x ≤ 1: of k such factors on
+/// the way the mean of their product, or under `spectral band` the product of their means: of a body, of a mirror, of a wall in a
+/// mirror, and of a lobe.
+#[test]
+fn means_of_products_are_not_products_of_means() {
+    let line = |low: f64, high: f64, unit: &str| format!("[500 nm {low}, 600 nm {high}]{unit}");
+    let rho = line(0.2, 0.8, "");
+    let (zenith, n) = (30f64, 64);
+    let mut said = format!(
+        "collect {{ sun zenith {zenith} deg azimuth 0 deg }}
+        atmosphere none {{ solar_irradiance {}, sky_radiance {} }}
+        material body {{ ideal {{ diffuse {rho} }} }}
+        material mirror {{ ideal {{ specular {rho} }} }}
+        material glossy {{ ward {{ diffuse 0, specular {rho}, roughness 0.4 }} }}
+        facet body (0 0 2) (1 0 2) (1 1 2) (0 1 2) m
+        facet mirror (2 0 2) (3 0 2) (3 1 2) (2 1 2) m
+        facet glossy (4 0 2) (5 0 2) (5 1 2) (4 1 2) m
+        facet mirror (6 0 0) (7 0 0) (7 1 1) (6 1 1) m
+        facet body (5 -80 -0.5) (8 -80 -0.5) (8 -80 1.5) (5 -80 1.5) m
+        ",
+        line(1000.0, 2000.0, " W/m2/um"),
+        line(50.0, 100.0, " W/m2/sr/um"),
+    );
+    said += &map("above", [3.5, 0.5, 10.0], 7.0, [7, 1]);
+    for (name, words) in [("exact", "wavelength"), ("means", "band")] {
+        writeln!(said, "experiment {name} {{ algorithm full {{ spectral {words}, depth 2 }}, samples {n} }}")
+            .expect("text grows");
+    }
+    let plan = text(&said);
+    let light = Lines(vec![(500.0, 1.0), (600.0, 2.0)]);
+    let rho = Lines(vec![(500.0, 0.2), (600.0, 0.8)]);
+    let band = (500.0, 600.0);
+    let factors = |k: usize| std::iter::once(&light).chain(std::iter::repeat_n(&rho, k)).collect::<Vec<_>>();
+    let mut seen = Vec::new();
+    for name in ["exact", "means"] {
+        let share = |k: usize| match name {
+            "exact" => mean_of_product(&factors(k), band),
+            _ => factors(k).iter().map(|one| mean_of_product(&[one], band)).product(),
+        };
+        let frames = run(&plan, name).render();
+        let (sun, sky) = (1000.0 * zenith.to_radians().cos() / PI, 50.0);
+        let own = |at: usize| pixel(&frames, 0, 0, at);
+        // The mirror at 45° shows the wall from the north, which half a sky and the sun light.
+        let wall = 1000.0 * zenith.to_radians().sin() / PI + 0.5 * sky;
+        assert_sampled(
+            &format!("{name}: a body and a mirror under sun and sky, a wall in a mirror"),
+            Slack { bound: 2e-5 * 1000.0, grain: 1e-6 },
+            [(0, (sun + sky) * share(1)), (2, sky * share(1)), (6, wall * share(2))]
+                .map(|(at, l)| (own(at).0, own(at).1, l)),
+        );
+        seen.push([0, 2, 4, 6].map(|at| own(at).0));
+    }
+    // The lobe's own factor is one more: as the body's.
+    let ratio = |at: usize| seen[0][at] / seen[1][at];
+    assert!((ratio(2) / ratio(0) - 1.0).abs() < 1e-4, "{seen:?}");
+}
+
 // ---- against `split`, and one approximation at a time
 
 /// A Lambertian yard under the sun's disk and the overcast sky: `full` and `split` with all approximations lifted solve one
@@ -742,6 +792,8 @@ fn every_approximation_is_one_word() {
         ("limb_darkening off", false),
         ("sky isotropic", true),
         ("sky directional", false),
+        ("spectral band", true),
+        ("spectral wavelength", false),
         ("adjacency off", true),
         ("adjacency on", false),
         ("caustics off", true),
@@ -759,9 +811,17 @@ fn every_approximation_is_one_word() {
     for (i, (word, changes)) in words.iter().enumerate() {
         assert_eq!(images(&format!("e{i}")) != all, *changes, "{word}");
     }
-    for wrong in
-        ["depths 2", "depth 0", "depth two", "sun round", "limb_darkening yes", "sky even", "adjacency 1", "caustic on"]
-    {
+    for wrong in [
+        "depths 2",
+        "depth 0",
+        "depth two",
+        "sun round",
+        "limb_darkening yes",
+        "sky even",
+        "adjacency 1",
+        "caustic on",
+        "spectral bands",
+    ] {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("posed.glint");
         let scene = format!(

@@ -34,6 +34,16 @@ pub fn map(name: &str, [x, y, z]: [f64; 3], width: f64, [nx, ny]: [u32; 2]) -> S
     format!("sensor {name} {{ projection orthographic, {pose}, band b 500..600 nm }}\n")
 }
 
+/// No air, a sky of `l_0` and a sun of E₀ = 1500.
+pub fn light(l_0: f64) -> String {
+    format!("atmosphere none {{ solar_irradiance 1500 W/m2/um, sky_radiance {l_0} W/m2/sr/um }}\n")
+}
+
+/// No air, no sun, a uniform sky of `l_0`.
+pub fn sky(l_0: f64) -> String {
+    format!("atmosphere none {{ solar_irradiance 0 W/m2/um, sky_radiance {l_0} W/m2/sr/um }}\n")
+}
+
 /// A pixel of an image: radiance and standard error.
 pub fn pixel(frames: &Frames, time: usize, channel: usize, index: usize) -> (f64, f64) {
     let frame = &frames.frames[time];
@@ -142,6 +152,33 @@ pub fn beyond_chord(a: f64, b: f64) -> f64 {
         inside + if u < -1.0 { u + 1.0 } else { 0.0 }
     };
     (primitive(b) - primitive(a)) / (b - a)
+}
+
+/// A chain of straight lines through (wavelength \[nm\], value).
+pub struct Lines(pub Vec<(f64, f64)>);
+
+impl Lines {
+    pub fn at(&self, x: f64) -> f64 {
+        let i = self.0.partition_point(|row| row.0 <= x).clamp(1, self.0.len() - 1);
+        let ((a, u), (b, v)) = (self.0[i - 1], self.0[i]);
+        u + (x - a) / (b - a) * (v - u)
+    }
+}
+
+/// Mean over a band of a product of chains: three Gauss nodes between neighbouring corners are exact up to the fifth
+/// power of wavelength.
+pub fn mean_of_product(factors: &[&Lines], (lower, upper): (f64, f64)) -> f64 {
+    let mut cuts: Vec<f64> = factors.iter().flat_map(|f| f.0.iter().map(|row| row.0)).collect();
+    cuts.extend([lower, upper]);
+    cuts.retain(|x| (lower..=upper).contains(x));
+    cuts.sort_by(f64::total_cmp);
+    let product = |x: f64| factors.iter().map(|f| f.at(x)).product::<f64>();
+    let piece = |a: f64, b: f64| {
+        let (m, h) = (0.5 * (a + b), 0.5 * (b - a));
+        let node = 0.6f64.sqrt() * h;
+        h * (5.0 * product(m - node) + 8.0 * product(m) + 5.0 * product(m + node)) / 9.0
+    };
+    cuts.windows(2).map(|w| piece(w[0], w[1])).sum::<f64>() / (upper - lower)
 }
 
 #[cfg(test)]

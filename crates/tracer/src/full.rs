@@ -28,6 +28,7 @@ use crate::algorithm::{Algorithm, Lighting};
 use crate::hemisphere::{above_horizon, below_horizon, hemisphere_direction, open_sky_view};
 use crate::light::Term;
 use crate::paths::{ONE, Paths, Room, Sample, Source, SpectrumId};
+use crate::published::SPECTRAL;
 use crate::sampler::concentric_disk;
 use crate::{Scenery, Stream, Surface};
 
@@ -46,6 +47,7 @@ struct Full {
     sun_disk: bool,
     limb_darkening: bool,
     directional_sky: bool,
+    band_means: bool,
     adjacency: bool,
     caustics: bool,
 }
@@ -61,6 +63,7 @@ pub const FULL: Model<dyn Algorithm> = Model {
             Param::word("sun", &["disk", "point"], Default::Word("disk"), "the sun as a disk of 0.533° or a point"),
             Param::switch("limb_darkening", false, "the disk darkens towards its limb"),
             Param::word("sky", &["directional", "isotropic"], Default::Word("directional"), "L_d(θ, φ), or its mean"),
+            SPECTRAL,
             Param::switch("adjacency", true, "the ground's albedo brightens the sky"),
             Param::switch("caustics", true, "the sun by way of mirrors onto other surfaces"),
         ],
@@ -74,6 +77,7 @@ fn bind(args: &Args, _: &sunglint_radiometry::SpectralGrid) -> Result<Arc<dyn Al
         sun_disk: args.word("sun") != Some("point"),
         limb_darkening: args.switch("limb_darkening").unwrap_or(false),
         directional_sky: args.word("sky") != Some("isotropic"),
+        band_means: args.word("spectral") == Some("band"),
         adjacency: args.switch("adjacency").unwrap_or(true),
         caustics: args.switch("caustics").unwrap_or(true),
     }))
@@ -133,7 +137,7 @@ impl Algorithm for Full {
         Lighting {
             sun_disk: self.sun_disk,
             limb_darkening: self.limb_darkening,
-            band_means: false,
+            band_means: self.band_means,
             adjacency: self.adjacency,
         }
     }

@@ -7,6 +7,7 @@
 //! are formed.
 
 mod algorithm;
+mod band_means;
 mod full;
 mod gathered;
 mod hemisphere;
@@ -25,6 +26,7 @@ mod sightline;
 mod sun;
 
 pub use algorithm::{Algorithm, BUILTIN, EXACT, Lighting};
+pub use band_means::BandMeans;
 pub use full::FULL;
 pub use illumination::Illumination;
 pub use lamp::Lights;
@@ -32,6 +34,8 @@ pub use light::Term;
 pub use nodes::Nodes;
 pub use paths::{Paths, RayCounts};
 pub use published::{Approximations, IDEAL, SPLIT};
-pub use render::{Accuracy, PixelTerms, Tile, TileResult, View, render_pixel_terms, render_tile, tiles};
+pub use render::{
+    Accuracy, PixelTerms, Spent, Tile, TileResult, View, render_pixel_terms, render_tile, render_tile_timed, tiles,
+};
 pub use sampler::Stream;
 pub use scenery::{Scenery, Surface, spectra_of, split_at};

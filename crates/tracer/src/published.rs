@@ -100,7 +100,7 @@ const SUN: Param = choice("sun", &["point", "disk"], "point", "the sun as a poin
 const DEPTH: Param =
     Param::count("depth", &["unlimited"], Default::Count(2), "surfaces of a path; 2 is target and background")
         .within(1.0, 4096.0);
-const SPECTRAL: Param =
+pub(crate) const SPECTRAL: Param =
     choice("spectral", &["wavelength", "band"], "wavelength", "products per wavelength, or of band means");
 const ADJACENCY: Param = Param::switch("adjacency", true, "the ground's albedo brightens the sky");
 const RAYS: Param =

@@ -149,8 +149,52 @@ struct PixelPaths {
     sights: Vec<Option<Path>>,
 }
 
+/// What a tile took, by the clock that it was rendered by.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Spent {
+    /// What all times share \[s\]: paths, hits, truth maps, and the sorting of what each time lights.
+    pub shared: f64,
+    /// Lighting the paths, by time \[s\].
+    pub light: Vec<f64>,
+}
+
+impl std::ops::AddAssign<&Self> for Spent {
+    fn add_assign(&mut self, other: &Self) {
+        self.shared += other.shared;
+        self.light.resize(self.light.len().max(other.light.len()), 0.0);
+        self.light.iter_mut().zip(&other.light).for_each(|(sum, light)| *sum += light);
+    }
+}
+
+/// Tells what each time takes of a tile's seconds.
+struct Watch<'a> {
+    clock: &'a dyn Fn() -> f64,
+    light: Vec<f64>,
+}
+
+impl Watch<'_> {
+    /// Puts what has passed since the clock said `begun` down to a time.
+    fn add(&mut self, t: usize, begun: f64) {
+        self.light[t] += (self.clock)() - begun;
+    }
+}
+
 /// Renders a tile at all times of its view.
 pub fn render_tile(view: &View<'_>, tile: Tile) -> TileResult {
+    render_tile_timed(view, tile, &|| 0.0).0
+}
+
+/// The same, with the seconds of a clock that it took. What it renders does not depend on the clock.
+pub fn render_tile_timed(view: &View<'_>, tile: Tile, clock: &dyn Fn() -> f64) -> (TileResult, Spent) {
+    let begun = clock();
+    let mut watch = Watch { clock, light: vec![0.0; view.times.len()] };
+    let result = render_tile_watched(view, tile, &mut watch);
+    let light = watch.light;
+    let shared = clock() - begun - light.iter().sum::<f64>();
+    (result, Spent { shared: shared.max(0.0), light })
+}
+
+fn render_tile_watched(view: &View<'_>, tile: Tile, watch: &mut Watch<'_>) -> TileResult {
     let n_pixels = (tile.width * tile.height) as usize;
     let (n_times, n_channels) = (view.times.len(), view.channels.len());
     let mut result = TileResult {
@@ -164,7 +208,7 @@ pub fn render_tile(view: &View<'_>, tile: Tile) -> TileResult {
     };
     let mut paths = Paths::new(view.nodes.len());
     let lattice = view.lattice();
-    let mut target = Target { view, lattice: &lattice, n_pixels, result: &mut result };
+    let mut target = Target { view, lattice: &lattice, n_pixels, result: &mut result, watch };
     for by in (0..tile.height).step_by(BLOCK as usize) {
         for bx in (0..tile.width).step_by(BLOCK as usize) {
             let rows = by..(by + BLOCK).min(tile.height);
@@ -176,7 +220,7 @@ pub fn render_tile(view: &View<'_>, tile: Tile) -> TileResult {
                     target.render(tile, &block, &mut paths, |_| [0..each, 0..each], None);
                 }
                 Accuracy::Error { .. } => {
-                    let first = First::of_block(view, &lattice, tile, &block, &mut paths);
+                    let first = First::of_block(view, &lattice, tile, &block, &mut paths, target.watch);
                     let counts = first.counts(view);
                     let more = |i: usize| counts[i].map(|n: u32| 1..n);
                     target.render(tile, &block, &mut paths, more, Some(&first));
@@ -189,14 +233,15 @@ pub fn render_tile(view: &View<'_>, tile: Tile) -> TileResult {
 }
 
 /// Where the pixels of a tile go.
-struct Target<'a> {
+struct Target<'a, 'w> {
     view: &'a View<'a>,
     lattice: &'a Lattice<'a>,
     n_pixels: usize,
     result: &'a mut TileResult,
+    watch: &'a mut Watch<'w>,
 }
 
-impl Target<'_> {
+impl Target<'_, '_> {
     /// Traces `samples` of each pixel of a block, lights them at every time, joins them with the first samples where there are
     /// some, and writes the pixels.
     fn render(
@@ -245,6 +290,7 @@ impl Target<'_> {
     ) {
         let lightable = Lightable::new(self.view, pending, self.lattice, paths, false);
         for (t, time) in self.view.times.iter().enumerate() {
+            let begun = (self.watch.clock)();
             let rays = lightable.light(time, |pixel, mut radiance| {
                 let (x, y) = block[pixel.index];
                 if let Some(first) = first {
@@ -252,6 +298,7 @@ impl Target<'_> {
                 }
                 self.write(t, (y * tile.width + x) as usize, &radiance);
             });
+            self.watch.add(t, begun);
             self.result.rays += rays;
         }
         pending.clear();
@@ -323,7 +370,14 @@ struct First {
 }
 
 impl First {
-    fn of_block(view: &View<'_>, lattice: &Lattice<'_>, tile: Tile, block: &[(u32, u32)], paths: &mut Paths) -> Self {
+    fn of_block(
+        view: &View<'_>,
+        lattice: &Lattice<'_>,
+        tile: Tile,
+        block: &[(u32, u32)],
+        paths: &mut Paths,
+        watch: &mut Watch<'_>,
+    ) -> Self {
         let trace = |(i, (x, y)): (usize, &(u32, u32))| {
             trace_pixel(view, (tile.x + x, tile.y + y), i, [0..1, 0..1], &mut *paths)
         };
@@ -338,10 +392,12 @@ impl First {
         let sky_views = traced.iter().map(|pixel| mean_sky_view(paths, pixel)).collect();
         let lightable = Lightable::new(view, &traced, lattice, paths, false);
         let mut rays = RayCounts::default();
-        let times = (view.times.iter())
-            .map(|time| {
+        let times = (view.times.iter().enumerate())
+            .map(|(t, time)| {
+                let begun = (watch.clock)();
                 let mut of_time = Vec::with_capacity(traced.len());
                 rays += lightable.light(time, |_, radiance| of_time.push(radiance));
+                watch.add(t, begun);
                 of_time
             })
             .collect();
@@ -560,7 +616,8 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
     let ranges = match view.accuracy {
         Accuracy::Samples(n) => [round_to_replicates(n) / REPLICATES as u32; 2].map(|each| 0..each),
         Accuracy::Error { .. } => {
-            First::of_block(view, &lattice, tile, &block, &mut paths).counts(view)[at].map(|n| 0..n)
+            let mut watch = Watch { clock: &|| 0.0, light: vec![0.0; view.times.len()] };
+            First::of_block(view, &lattice, tile, &block, &mut paths, &mut watch).counts(view)[at].map(|n| 0..n)
         }
     };
     let n_taken = n_samples(&ranges);
