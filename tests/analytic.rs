@@ -1105,6 +1105,41 @@ fn courtyard([nx, ny]: [u32; 2], experiments: &str) -> Plan {
     text(&format!("include \"{scene}\"\n{view}\n{experiments}"))
 }
 
+/// An error asked for over the image is kept: the root mean square of the stated errors, against the larger of the pixel and a
+/// hundredth of the mean, and that of the true ones, at the worst of three times and two bands; and the mean stays unbiased. Asked
+/// of every pixel the same takes several times the samples.
+#[test]
+fn an_error_over_the_image_is_kept_with_fewer_samples() {
+    let plan = courtyard(
+        [48, 36],
+        "experiment reference { algorithm split { reading corrected, sun disk }, samples 4096, seed 5 }
+        experiment over like reference { error 4 % over image, seed 6 }
+        experiment each like reference { error 4 %, seed 6 }",
+    );
+    let [reference, over, each] = ["reference", "over", "each"].map(|name| run(&plan, name).render());
+    let (mut stated, mut found) = (Vec::new(), Vec::new());
+    for (frame, true_frame) in over.frames.iter().zip(&reference.frames) {
+        for (c, image) in frame.radiance.iter().enumerate() {
+            let n = image.len() as f64;
+            let floor = 0.01 * image.iter().map(|l| f64::from(*l)).sum::<f64>() / n;
+            let relative = |i: usize, value: f64| (value / f64::from(true_frame.radiance[c][i]).max(floor)).powi(2) / n;
+            let off = |i: usize| f64::from(image[i]) - f64::from(true_frame.radiance[c][i]);
+            stated.push((0..image.len()).map(|i| relative(i, f64::from(frame.error[c][i]))).sum::<f64>().sqrt());
+            found.push((0..image.len()).map(|i| relative(i, off(i))).sum::<f64>().sqrt());
+            let mean = (0..image.len()).map(off).sum::<f64>() / n;
+            let squares = |errors: &[f32]| errors.iter().map(|s| f64::from(*s).powi(2)).sum::<f64>();
+            let s = (squares(&frame.error[c]) + squares(&true_frame.error[c])).sqrt() / n;
+            assert!(mean.abs() <= 4.0 * s, "mean off by {mean}, {s} stated");
+        }
+    }
+    let worst = |of: &[f64]| of.iter().copied().fold(0.0, f64::max);
+    let mean = |frames: &Frames| frames.samples.iter().sum::<f32>() / frames.samples.len() as f32;
+    println!("asked 4 %: stated {stated:.4?}, found {found:.4?}; {} samples for {}", mean(&over), mean(&each));
+    assert!((0.025..=0.045).contains(&worst(&stated)), "{stated:?}");
+    assert!((0.025..=0.045).contains(&worst(&found)), "{found:?}");
+    assert!(mean(&each) > 2.0 * mean(&over));
+}
+
 /// A scene with shadows, corners, lobes and mirrors at three times yields the same bits on 1, 2 and 5 threads, and
 /// every tile is what it is in whichever order tiles are rendered, under a fixed count of samples and under an asked
 /// error.
@@ -1116,7 +1151,8 @@ fn frames_do_not_depend_on_threads_or_on_the_order_of_tiles() {
           algorithm split { sun disk, depth 4, background_lobes all, sky directional }
           samples 32
         }
-        experiment asked { algorithm split, error 3 % }",
+        experiment asked { algorithm split, error 3 % }
+        experiment shared_out { algorithm split, error 3 % over image }",
     );
     for run in plan.runs() {
         let on = |threads: usize| {

@@ -53,7 +53,8 @@ const TIMED_SAMPLES: u32 = 256;
 /// Explains a pixel at one of the run's times. The samples are those of the image, but for a run under `time`: 256.
 pub fn explain(run: &Run, pixel: (u32, u32), time: usize, materials: &[String]) -> Explanation {
     let accuracy = if run.budget.is_some() { Accuracy::Samples(TIMED_SAMPLES) } else { run.accuracy };
-    let terms = run.with_view(|view| render_pixel_terms(&View { accuracy, ..*view }, pixel, time));
+    let terms =
+        run.with_view(|view| render_pixel_terms(&View { accuracy, worth: run.worth(accuracy), ..*view }, pixel, time));
     let middle = run.camera.ray(f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5);
     let sight = Ray::new(middle.origin, middle.direction);
     let hit = run.scenery.world.closest(&sight);

@@ -5,7 +5,9 @@ use std::fmt;
 use rayon::prelude::*;
 use sunglint_geometry::Ray;
 use sunglint_radiometry::Channel;
-use sunglint_tracer::{Accuracy, RayCounts, Spent, Tile, TileResult, View, render_tile, render_tile_timed, tiles};
+use sunglint_tracer::{
+    Accuracy, RayCounts, Spent, Tile, TileResult, View, Worth, render_tile, render_tile_timed, tiles,
+};
 
 use crate::clock::thread_seconds;
 use crate::plan::Run;
@@ -83,12 +85,19 @@ impl Run {
 
     /// Renders one tile at all times, with an accuracy of the caller's.
     pub fn render_tile_as(&self, tile: Tile, accuracy: Accuracy) -> TileResult {
-        self.with_view(|view| render_tile(&View { accuracy, ..*view }, tile))
+        self.with_view(|view| render_tile(&View { accuracy, worth: self.worth(accuracy), ..*view }, tile))
     }
 
     /// The same, with the processor time that it took.
     pub(crate) fn render_tile_timed(&self, tile: Tile, accuracy: Accuracy) -> (TileResult, Spent) {
-        self.with_view(|view| render_tile_timed(&View { accuracy, ..*view }, tile, &thread_seconds))
+        let worth = self.worth(accuracy);
+        self.with_view(|view| render_tile_timed(&View { accuracy, worth, ..*view }, tile, &thread_seconds))
+    }
+
+    /// What a sample is worth, where the run asks for an error over the image and is rendered so.
+    pub(crate) fn worth(&self, accuracy: Accuracy) -> Option<&Worth> {
+        let of_run = || self.with_view(Worth::of);
+        if accuracy == self.accuracy { self.worth.get_or_init(of_run).as_ref() } else { None }
     }
 
     /// The run as the tracer sees it.
@@ -106,6 +115,7 @@ impl Run {
             nodes: &self.nodes,
             times: &self.lights,
             accuracy: self.accuracy,
+            worth: None,
             seed: self.seed,
             id: self.view_id,
             surface_radiance: self.products.surface_radiance || self.products.reflectance_factor,

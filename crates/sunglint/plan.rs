@@ -7,7 +7,7 @@ mod spectra;
 mod view;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 use std::time::Instant;
 
 use glam::DVec3;
@@ -20,7 +20,7 @@ use sunglint_radiometry::{Channels, SpectralGrid};
 use sunglint_reflectance::Bsdf;
 use sunglint_sensor::{Band, Camera, Ccd};
 use sunglint_tracer::{
-    Algorithm, BandMeans, Illumination, Lighting, Lights, Nodes, Scenery, Surface, Tile, spectra_of,
+    Algorithm, BandMeans, Illumination, Lighting, Lights, Nodes, Scenery, Surface, Tile, Worth, spectra_of,
 };
 
 use crate::air::Air;
@@ -138,6 +138,8 @@ pub struct Run {
     pub accuracy: sunglint_tracer::Accuracy,
     /// Seconds that rendering may take, under `time`.
     pub budget: Option<f64>,
+    /// What a sample is worth, under an error over the image; told when first asked for.
+    pub(crate) worth: OnceLock<Option<Worth>>,
     /// Seed of the experiment.
     pub seed: u64,
     /// Products.
@@ -581,8 +583,8 @@ impl<'s> Planner<'s, '_> {
         let accuracy = match (self.options.samples, experiment.accuracy) {
             (Some(samples), _) => sunglint_tracer::Accuracy::Samples(samples),
             (None, Accuracy::Samples(samples)) => sunglint_tracer::Accuracy::Samples(samples),
-            (None, Accuracy::Error { relative, floor }) => {
-                sunglint_tracer::Accuracy::Error { relative, floor, most: MOST_SAMPLES }
+            (None, Accuracy::Error { relative, floor, every_pixel }) => {
+                sunglint_tracer::Accuracy::Error { relative, floor, most: MOST_SAMPLES, every_pixel }
             }
             (None, Accuracy::Time { .. }) => sunglint_tracer::Accuracy::Samples(LEAST_SAMPLES),
         };
@@ -623,6 +625,7 @@ impl<'s> Planner<'s, '_> {
             lights: Vec::new(),
             accuracy,
             budget,
+            worth: OnceLock::new(),
             seed: experiment.seed,
             products: experiment.products,
             models,

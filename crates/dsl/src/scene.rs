@@ -914,6 +914,8 @@ pub enum Accuracy {
         relative: f64,
         /// Floor.
         floor: Option<f64>,
+        /// Of every pixel; else of the root mean square over the image.
+        every_pixel: bool,
     },
     /// As many samples as fit into a time of rendering \[s\], the same for every pixel.
     Time {

@@ -208,7 +208,7 @@ fn the_first_example_means_its_scene() {
     let experiment = &scene.experiments[0];
     assert_eq!((experiment.name.as_str(), experiment.algorithm.name.as_str()), ("default", "split"));
     assert_eq!((scene.atmosphere.name.as_str(), &experiment.models), ("layered", &vec![Some(0), Some(0)]));
-    assert_eq!(experiment.accuracy, Accuracy::Error { relative: 0.01, floor: None });
+    assert_eq!(experiment.accuracy, Accuracy::Error { relative: 0.01, floor: None, every_pixel: true });
     assert_eq!(experiment.algorithm.args.word("reading"), Some("published"));
 }
 
@@ -674,7 +674,7 @@ sensor cam {
   bands 400..900 nm every 5 nm fwhm 6 nm
   band b centre 450 nm fwhm 20 nm
 }
-experiment one { algorithm split { depth unlimited, adjacency on }, sensor eyes, collect both, error 0.5 % floor 2 W/m2/sr/um, seed 18446744073709551615 }
+experiment one { algorithm split { depth unlimited, adjacency on }, sensor eyes, collect both, error 0.5 % floor 2 W/m2/sr/um over image, seed 18446744073709551615 }
 "#,
     );
     let Shape::Box { pose, .. } = scene.world[0] else { panic!("{:?}", scene.world) };
@@ -689,7 +689,7 @@ experiment one { algorithm split { depth unlimited, adjacency on }, sensor eyes,
     assert!(matches!(scene.collects[0].times, Times::Series { every: Some(900.0), zone: 19_800.0, .. }));
     let experiment = &scene.experiments[0];
     assert_eq!((&experiment.collects, experiment.seed), (&vec![0, 1], u64::MAX));
-    assert_eq!(experiment.accuracy, Accuracy::Error { relative: 0.005, floor: Some(2.0) });
+    assert_eq!(experiment.accuracy, Accuracy::Error { relative: 0.005, floor: Some(2.0), every_pixel: false });
     assert_eq!(
         (experiment.algorithm.args.word("depth"), experiment.algorithm.args.switch("adjacency")),
         (Some("unlimited"), Some(true))

@@ -59,8 +59,9 @@ fn accuracy(run: &Run) -> String {
     }
     match run.accuracy {
         Accuracy::Samples(n) => format!("{} samples a pixel", n.next_multiple_of(16)),
-        Accuracy::Error { relative, most, .. } => {
-            format!("standard error {} % of each pixel, 16 to {most} samples", relative * 100.0)
+        Accuracy::Error { relative, most, every_pixel, .. } => {
+            let of = if every_pixel { "of each pixel" } else { "over the image, in the root mean square" };
+            format!("standard error {} % {of}, 16 to {most} samples", relative * 100.0)
         }
     }
 }

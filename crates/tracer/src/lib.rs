@@ -35,7 +35,8 @@ pub use nodes::Nodes;
 pub use paths::{Paths, RayCounts};
 pub use published::{Approximations, IDEAL, SPLIT};
 pub use render::{
-    Accuracy, PixelTerms, Spent, Tile, TileResult, View, render_pixel_terms, render_tile, render_tile_timed, tiles,
+    Accuracy, PixelTerms, Spent, Tile, TileResult, View, Worth, render_pixel_terms, render_tile, render_tile_timed,
+    tiles,
 };
 pub use sampler::Stream;
 pub use scenery::{Scenery, Surface, spectra_of, split_at};

@@ -34,6 +34,9 @@ pub enum Accuracy {
         floor: Option<f64>,
         /// Most samples a pixel.
         most: u32,
+        /// Whether it is wanted of every pixel; else of the root mean square over the image, for which samples go where each
+        /// lowers that most.
+        every_pixel: bool,
     },
 }
 
@@ -56,6 +59,8 @@ pub struct View<'a> {
     pub times: &'a [Lights],
     /// How accurate.
     pub accuracy: Accuracy,
+    /// What a sample is worth, where an error over the image is asked for.
+    pub worth: Option<&'a Worth>,
     /// The scene's seed.
     pub seed: u64,
     /// Tells views of one seed apart; the same for every experiment, so that experiments see the same samples.
@@ -173,6 +178,11 @@ struct Watch<'a> {
 }
 
 impl Watch<'_> {
+    /// One whose clock stands still.
+    fn still(n_times: usize) -> Self {
+        Self { clock: &|| 0.0, light: vec![0.0; n_times] }
+    }
+
     /// Puts what has passed since the clock said `begun` down to a time.
     fn add(&mut self, t: usize, begun: f64) {
         self.light[t] += (self.clock)() - begun;
@@ -408,38 +418,58 @@ impl First {
 
     /// How many samples each replicate of each half takes, the first included: chosen by the other half.
     fn counts(&self, view: &View<'_>) -> Vec<[u32; 2]> {
-        let Accuracy::Error { relative, floor, most } = view.accuracy else { return vec![[1; 2]; self.block.len()] };
-        let most = (most / REPLICATES as u32).max(1);
-        let n = self.block.len();
-        let mut counts = vec![[1; 2]; n];
-        for of_time in &self.times {
+        let Accuracy::Error { relative, floor, most, .. } = view.accuracy else {
+            return vec![[1; 2]; self.block.len()];
+        };
+        let most = f64::from((most / REPLICATES as u32).max(1));
+        let mut counts = vec![[1; 2]; self.block.len()];
+        for t in 0..self.times.len() {
             for c in 0..view.channels.len() {
                 for (half, by) in [(0, 1), (1, 0)] {
-                    let replicates = by * REPLICATES / 2..(by + 1) * REPLICATES / 2;
-                    let seen: Vec<Seen> = (of_time.iter().zip(&self.facets))
-                        .map(|(radiance, facets)| {
-                            let kinds = std::array::from_fn::<_, { REPLICATES / 2 }, _>(|r| {
-                                let r = replicates.start + r;
-                                (facets[r], radiance.lit[r] > 0.5)
-                            });
-                            Seen::new(&radiance.radiance[c][replicates.clone()], &kinds)
-                        })
-                        .collect();
-                    let mean = seen.iter().map(|seen| seen.mean).sum::<f64>() / n as f64;
-                    let floor = floor.unwrap_or(0.01 * mean);
-                    for (i, own) in seen.iter().enumerate() {
-                        let within = own.within.max(self.around(i, |j| seen[j].within));
-                        let between = own.between.max(self.around(i, |j| seen[j].between));
-                        let wanted = relative * own.mean.max(floor);
-                        if wanted > 0.0 {
-                            let needed = needed(within, between, REPLICATES as f64 * wanted * wanted);
-                            counts[i][half] = counts[i][half].max(needed.min(f64::from(most)).ceil() as u32);
-                        }
+                    let seen = self.seen(t, c, by, true);
+                    let mean = seen.iter().map(|seen| seen.mean).sum::<f64>() / seen.len() as f64;
+                    for (own, count) in seen.iter().zip(&mut counts) {
+                        let needed = match view.worth {
+                            Some(worth) => {
+                                let Price { floor, least } = worth.of[t * view.channels.len() + c];
+                                let scale = REPLICATES as f64 * own.mean.max(floor).powi(2);
+                                if scale > 0.0 { worthwhile(own.within, own.between, scale * least) } else { 1.0 }
+                            }
+                            None => {
+                                let wanted = relative * own.mean.max(floor.unwrap_or(0.01 * mean));
+                                let allowed = REPLICATES as f64 * wanted * wanted;
+                                if allowed > 0.0 { needed(own.within, own.between, allowed) } else { 1.0 }
+                            }
+                        };
+                        count[half] = count[half].max(needed.min(most).ceil() as u32);
                     }
                 }
             }
         }
         counts
+    }
+
+    /// What one half of the replicates tells of each pixel at one time in one channel; with neighbours `heard`, no less than
+    /// they tell.
+    fn seen(&self, t: usize, c: usize, half: usize, heard: bool) -> Vec<Seen> {
+        let replicates = half * REPLICATES / 2..(half + 1) * REPLICATES / 2;
+        let of_pixel = |(radiance, facets): (&PixelRadiance, &[Option<FacetId>; REPLICATES])| {
+            let kinds = std::array::from_fn::<_, { REPLICATES / 2 }, _>(|r| {
+                let r = replicates.start + r;
+                (facets[r], radiance.lit[r] > 0.5)
+            });
+            Seen::new(&radiance.radiance[c][replicates.clone()], &kinds)
+        };
+        let seen: Vec<Seen> = self.times[t].iter().zip(&self.facets).map(of_pixel).collect();
+        if !heard {
+            return seen;
+        }
+        let heard = |(i, own): (usize, &Seen)| Seen {
+            mean: own.mean,
+            within: own.within.max(self.around(i, |j| seen[j].within)),
+            between: own.between.max(self.around(i, |j| seen[j].between)),
+        };
+        seen.iter().enumerate().map(heard).collect()
     }
 
     /// Mean over the pixels around one that see the same material, itself among them: eight samples know their own variance
@@ -503,6 +533,134 @@ fn needed(within: f64, between: f64, allowed: f64) -> f64 {
         }
     }
     high
+}
+
+/// Samples a replicate up to which one more lowers W/n + B/n^1.5 by at least `least`.
+fn worthwhile(within: f64, between: f64, least: f64) -> f64 {
+    let gain = |n: f64| within / (n * n) + 1.5 * between / (n * n * n.sqrt());
+    // Between what either alone is worth and both together.
+    let (mut low, mut high) = (1.0, ((within + 1.5 * between) / least).sqrt());
+    if gain(1.0) <= least {
+        return 1.0;
+    }
+    for _ in 0..30 {
+        let middle = (low * high).sqrt();
+        if gain(middle) > least {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    high
+}
+
+/// What a sample is worth in a view whose error is asked for over the image: the least by which one must lower the mean square of
+/// the relative standard error, so that at last all samples are worth the same [Neyman1934].
+#[derive(Clone, Debug, PartialEq)]
+pub struct Worth {
+    /// By time and channel.
+    of: Vec<Price>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Price {
+    /// Floor of a pixel's radiance.
+    floor: f64,
+    /// In relative variance a sample of each replicate.
+    least: f64,
+}
+
+/// Blocks of the image from which it is told, and how many of their pixels, channels and times.
+const TOLD_BLOCKS: u32 = 256;
+const TOLD_PIXELS: usize = 1 << 15;
+
+impl Worth {
+    /// From the first samples of blocks spread over the image; `None` unless an error over the image is asked for.
+    pub fn of(view: &View<'_>) -> Option<Self> {
+        let Accuracy::Error { relative, floor, every_pixel: false, .. } = view.accuracy else { return None };
+        let (across, down) = (view.pixels.0.div_ceil(BLOCK), view.pixels.1.div_ceil(BLOCK));
+        let (n, most) = (u64::from(across) * u64::from(down), u64::from(TOLD_BLOCKS));
+        let mut paths = Paths::new(view.nodes.len());
+        let lattice = view.lattice();
+        let blocks: Vec<First> = (0..n.min(most))
+            .map(|i| {
+                // Multiples of the golden ratio, which keep their distances on a circle.
+                let at = if n <= most { i } else { ((i as f64 * 0.618_033_988_749_894_9).fract() * n as f64) as u64 };
+                let (x, y) = ((at % u64::from(across)) as u32 * BLOCK, (at / u64::from(across)) as u32 * BLOCK);
+                let (width, height) = (BLOCK.min(view.pixels.0 - x), BLOCK.min(view.pixels.1 - y));
+                let block: Vec<(u32, u32)> = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).collect();
+                let tile = Tile { x, y, width, height };
+                First::of_block(view, &lattice, tile, &block, &mut paths, &mut Watch::still(view.times.len()))
+            })
+            .collect();
+        let n_channels = view.channels.len();
+        let pixels: usize = blocks.iter().map(|first| first.block.len()).sum();
+        let step = (pixels * view.times.len() * n_channels).div_ceil(TOLD_PIXELS).max(1);
+        let of = |t: usize, c: usize| {
+            let seen = |half, heard| {
+                blocks.iter().flat_map(move |first| first.seen(t, c, half, heard)).step_by(step).collect::<Vec<_>>()
+            };
+            let (chooses, tells) = (seen(0, true), seen(1, false));
+            let mean = chooses.iter().map(|seen| seen.mean).sum::<f64>() / chooses.len().max(1) as f64;
+            let floor = floor.unwrap_or(0.01 * mean);
+            let scaled = |seen: &Seen| {
+                let scale = REPLICATES as f64 * seen.mean.max(floor).powi(2);
+                if scale > 0.0 { (seen.within / scale, seen.between / scale) } else { (0.0, 0.0) }
+            };
+            let told = chooses.iter().map(scaled).zip(tells.iter().map(scaled)).collect();
+            Told { floor, pixels: told }
+        };
+        let times = 0..view.times.len();
+        let told: Vec<Told> = times.flat_map(|t| (0..n_channels).map(move |c| (t, c))).map(|(t, c)| of(t, c)).collect();
+        let wanted = relative * relative;
+        // What each channel of each time would pay alone, then all by the same factor less, since the worst of them chooses.
+        let own: Vec<f64> = told.iter().map(|of| dearest(wanted, |least| of.left(|i| of.count(i, least)))).collect();
+        let factor = dearest(wanted, |factor| {
+            let n_pixels = told.first().map_or(0, |of| of.pixels.len());
+            let of_pixel = |i| told.iter().zip(&own).map(|(of, least)| of.count(i, factor * least)).fold(1.0, f64::max);
+            let counts: Vec<f64> = (0..n_pixels).map(of_pixel).collect();
+            told.iter().map(|of| of.left(|i| counts[i])).fold(0.0, f64::max)
+        });
+        let price = |(of, least): (&Told, &f64)| Price { floor: of.floor, least: factor * least };
+        Some(Self { of: told.iter().zip(&own).map(price).collect() })
+    }
+}
+
+/// What some pixels tell of one channel at one time.
+struct Told {
+    floor: f64,
+    /// Relative W and B by which a pixel chooses, neighbours heard, and those that the other half of its replicates tells.
+    pixels: Vec<((f64, f64), (f64, f64))>,
+}
+
+impl Told {
+    fn count(&self, i: usize, least: f64) -> f64 {
+        let (w, b) = self.pixels[i].0;
+        worthwhile(w, b, least)
+    }
+
+    /// Mean square of the relative standard error that counts leave.
+    fn left(&self, count: impl Fn(usize) -> f64) -> f64 {
+        let of_pixel = |(i, (_, (w, b))): (usize, &(_, (f64, f64)))| {
+            let n = count(i);
+            w / n + b / (n * n.sqrt())
+        };
+        self.pixels.iter().enumerate().map(of_pixel).sum::<f64>() / self.pixels.len().max(1) as f64
+    }
+}
+
+/// The largest price at which no more than `wanted` is left.
+fn dearest(wanted: f64, left: impl Fn(f64) -> f64) -> f64 {
+    let (mut low, mut high) = (1e-30_f64, 1e15_f64);
+    for _ in 0..40 {
+        let middle = (low * high).sqrt();
+        if left(middle) > wanted {
+            high = middle;
+        } else {
+            low = middle;
+        }
+    }
+    low
 }
 
 /// Mean F over the samples of a pixel.
@@ -616,7 +774,7 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
     let ranges = match view.accuracy {
         Accuracy::Samples(n) => [round_to_replicates(n) / REPLICATES as u32; 2].map(|each| 0..each),
         Accuracy::Error { .. } => {
-            let mut watch = Watch { clock: &|| 0.0, light: vec![0.0; view.times.len()] };
+            let mut watch = Watch::still(view.times.len());
             First::of_block(view, &lattice, tile, &block, &mut paths, &mut watch).counts(view)[at].map(|n| 0..n)
         }
     };
@@ -662,6 +820,16 @@ mod tests {
         assert_eq!(Seen::new(&values, &one), Seen { mean: 2.0, within: 8.0 / 7.0, between: 0.0 });
         let each: Vec<Option<FacetId>> = (0..8).map(|i| Some(FacetId(i))).collect();
         assert_eq!(Seen::new(&values, &each).between, 0.0);
+    }
+
+    /// With all variance on facets n = √(W/least), with all between them n = (1.5 B/least)^(2/5).
+    #[test]
+    fn samples_are_worthwhile_up_to_their_price() {
+        assert_eq!(worthwhile(1.0, 1.0, 3.0), 1.0);
+        assert!((worthwhile(100.0, 0.0, 1.0) - 10.0).abs() < 1e-6);
+        assert!((worthwhile(0.0, 1000.0, 1.0) - 1500f64.powf(0.4)).abs() < 1e-6);
+        let n = worthwhile(10.0, 50.0, 1e-3);
+        assert!((10.0 / (n * n) + 75.0 / n.powf(2.5) - 1e-3).abs() < 1e-9);
     }
 
     #[test]

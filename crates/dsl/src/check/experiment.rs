@@ -28,7 +28,9 @@ pub(super) const EXPERIMENT: &[Rule] = &[
         .clauses(&[rule("else", "else MODEL").many().word(), rule("for", "for MATERIALS").word()]),
     rule("sensor", "sensor NAMES"),
     rule("collect", "collect NAMES"),
-    rule("error", "error 1 %").excludes(&["samples", "time"]).clauses(&[rule("floor", "floor RADIANCE")]),
+    rule("error", "error 1 %")
+        .excludes(&["samples", "time"])
+        .clauses(&[rule("floor", "floor RADIANCE"), rule("over", "over image")]),
     rule("samples", "samples COUNT").excludes(&["error", "time"]),
     rule("time", "time 60 s").excludes(&["error", "samples"]),
     rule("seed", "seed COUNT"),
@@ -43,7 +45,7 @@ const MOST_SNAPSHOT: u64 = 4096;
 
 const PRODUCTS: &[&str] = &["radiance", "truth", "preview", "surface_radiance", "counts", "reflectance_factor"];
 /// What an experiment asks where it says nothing.
-const ACCURACY: Accuracy = Accuracy::Error { relative: 0.01, floor: None };
+const ACCURACY: Accuracy = Accuracy::Error { relative: 0.01, floor: None, every_pixel: true };
 const SEED: u64 = 1;
 const WRITTEN: Products = Products { radiance: true, truth: true, preview: true, ..Products::NOTHING };
 const MOST_SAMPLES: u64 = 1 << 24;
@@ -208,8 +210,11 @@ impl<'a> Checker<'a> {
         let share = Quantity { percent: true, ..Quantity::new(Dimension::Fraction).positive(1.0).usual("%") };
         let radiance = Quantity::new(Dimension::Radiance).positive(1e12);
         let floor = clauses.get("floor").map(|line| self.quantity(&line, &radiance));
+        let over = clauses.get("over").map(|line| self.word_of(&line, &["image"]));
         let relative = self.quantity_at(&line, items, &share)?;
-        Some(Accuracy::Error { relative, floor: floor.map_or(Some(None), |floor| floor.map(Some))? })
+        let floor = floor.map_or(Some(None), |floor| floor.map(Some))?;
+        let every_pixel = over.map_or(Some(true), |image| image.map(|_| false))?;
+        Some(Accuracy::Error { relative, floor, every_pixel })
     }
 
     fn products(&mut self, line: &Line<'a>) -> Option<Products> {
