@@ -1,7 +1,8 @@
 """Processor time to 1 % of noise a pixel on the truth scene: 640 x 480, sun zenith 60 deg, one band, one time.
 
 Noise is the root of the mean over all pixels, edges too, of ((L - L_ref)/max(L_ref, floor))^2, floor 1 % of the mean, L_ref
-the renderer's own reference; what the reference's own noise adds is taken off. Seconds are of the processor, user and
+the renderer's own reference; what the reference's own noise adds is taken off. Sunglint is asked for a number of samples, and for
+an error over the image. Seconds are of the processor, user and
 system, on one thread each. Mitsuba's scene is loaded and its kernel compiled before they count; Sunglint's are of the whole
 program, reading and writing too. What was rendered stays in --out and is not rendered again. Writes a table there.
 """
@@ -21,6 +22,7 @@ from scenes import ALGORITHMS, SCENES
 
 GOAL, FLOOR = 0.01, 0.01
 COUNTS = (16, 64, 144, 256, 400, 784, 1600)  # squares for Mitsuba's multijitter, multiples of 16 for our replicates
+ERRORS = (4, 2, 1)  # % over the image
 SETTINGS = {  # of Mitsuba: sampler, weight of the sun among the emitters
     "multijitter, sun 3": ("multijitter", 3.0),
     "multijitter, sun 1": ("multijitter", 1.0),
@@ -33,13 +35,14 @@ def processor(whose=resource.RUSAGE_SELF):
     return used.ru_utime + used.ru_stime
 
 
-def sunglint_timed(args, scene, samples, seed):
+def sunglint_timed(args, scene, accuracy, seed):
     """The image and its seconds."""
     folder = args.out / "sunglint"
     folder.mkdir(parents=True, exist_ok=True)
-    text = scene.glint(args.algorithm, folder, samples).replace("  seed 1\n", f"  seed {seed}\n")
+    text = scene.glint(args.algorithm, folder, 16).replace("  seed 1\n", f"  seed {seed}\n")
+    text = text.replace("  samples 16\n", f"  {accuracy}\n")
     (path := folder / f"{scene.name}.glint").write_text(text)
-    out = folder / f"{scene.name}_{args.algorithm}_{samples}_{seed}_{hashlib.sha256(text.encode()).hexdigest()[:8]}"
+    out = folder / f"{scene.name}_{args.algorithm}_{seed}_{hashlib.sha256(text.encode()).hexdigest()[:8]}"
     if not (timed := out / "processor_s").exists():
         shutil.rmtree(out, ignore_errors=True)
         start = processor(resource.RUSAGE_CHILDREN)
@@ -93,14 +96,17 @@ def main():
 
     def measured(renderer, setting, samples, image, seconds, due):
         rows.append(dict(renderer=renderer, setting=setting, samples=samples, seconds=seconds, noise=noise(image, *due)))
-        print(f"{renderer:10s} {setting:20s} {samples:5d} samples {seconds:8.1f} s  {100 * rows[-1]['noise']:6.3f} %",
+        print(f"{renderer:10s} {setting:20s} {samples:>5} {seconds:8.1f} s  {100 * rows[-1]['noise']:6.3f} %",
               flush=True)
 
     ours = reference(args.out / f"reference_{scene.name}_sunglint_{args.algorithm}_{args.reference}_{key}.npy",
-                     lambda seed: sunglint_timed(args, scene, 256, seed)[0], seeds)
+                     lambda seed: sunglint_timed(args, scene, "samples 256", seed)[0], seeds)
     for samples in counts:
-        image, seconds = sunglint_timed(args, scene, samples, 1)
+        image, seconds = sunglint_timed(args, scene, f"samples {samples}", 1)
         measured("sunglint", args.algorithm, samples, image, seconds, ours)
+    for error in ERRORS:
+        image, seconds = sunglint_timed(args, scene, f"error {error} % over image", 1)
+        measured("sunglint", args.algorithm + ", error", f"{error} %", image, seconds, ours)
 
     dr.set_thread_count(1)
     way = integrator(scene.cases["all"])
@@ -120,12 +126,12 @@ def main():
     print(f"references: mean {100 * apart.mean():+.4f} %, rms {100 * np.sqrt(np.mean(apart ** 2)):.3f} % apart, "
           f"{100 * due:.3f} % due to their noise")
     of = lambda renderer, setting: seconds_at_goal([r for r in rows if (r["renderer"], r["setting"]) == (renderer, setting)])
-    at = {("sunglint", args.algorithm): of("sunglint", args.algorithm),
-          **{("mitsuba", name): of("mitsuba", name) for name in args.settings}}
+    at = {("sunglint", setting): of("sunglint", setting) for setting in (args.algorithm, args.algorithm + ", error")}
+    at |= {        ("mitsuba", name): of("mitsuba", name) for name in args.settings}
     for (renderer, setting), seconds in at.items():
         print(f"1 % a pixel: {renderer}, {setting}: {seconds:.1f} s")
-    fastest = min(s for (renderer, _), s in at.items() if renderer == "mitsuba")
-    print(f"sunglint over mitsuba at its best: {at['sunglint', args.algorithm] / fastest:.2f}")
+    best = [min(s for (renderer, _), s in at.items() if renderer == which) for which in ("sunglint", "mitsuba")]
+    print(f"sunglint at its best over mitsuba at its best: {best[0] / best[1]:.2f}")
     with open(args.out / f"time_{scene.name}.csv", "w", newline="") as file:
         table = csv.DictWriter(file, rows[0].keys())
         table.writeheader()
