@@ -127,11 +127,11 @@ def main():
           f"{100 * due:.3f} % due to their noise")
     of = lambda renderer, setting: seconds_at_goal([r for r in rows if (r["renderer"], r["setting"]) == (renderer, setting)])
     at = {("sunglint", setting): of("sunglint", setting) for setting in (args.algorithm, args.algorithm + ", error")}
-    at |= {        ("mitsuba", name): of("mitsuba", name) for name in args.settings}
+    at |= {("mitsuba", name): of("mitsuba", name) for name in args.settings}
     for (renderer, setting), seconds in at.items():
         print(f"1 % a pixel: {renderer}, {setting}: {seconds:.1f} s")
-    best = [min(s for (renderer, _), s in at.items() if renderer == which) for which in ("sunglint", "mitsuba")]
-    print(f"sunglint at its best over mitsuba at its best: {best[0] / best[1]:.2f}")
+    fastest = [min(s for (renderer, _), s in at.items() if renderer == which) for which in ("sunglint", "mitsuba")]
+    print(f"sunglint at its best over mitsuba at its best: {fastest[0] / fastest[1]:.2f}")
     with open(args.out / f"time_{scene.name}.csv", "w", newline="") as file:
         table = csv.DictWriter(file, rows[0].keys())
         table.writeheader()
