@@ -397,3 +397,57 @@ impl Adding<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::paths::{ONE, Sample};
+
+    /// Σ share × L over the directions of a patch, and over the records themselves, for 64 directions that fill a rectangle of
+    /// 4 by 2 mrad about a direction 50° high.
+    fn both(radiance: &dyn Fn(DVec3) -> f64) -> (f64, f64) {
+        let mut paths = Paths::new(1);
+        let middle = WorldDir::from_zenith_azimuth(40f64.to_radians(), 1.0);
+        let frame = Frame::about(middle.vec());
+        for i in 0..64_u32 {
+            let replicate = (i % 16) as u8;
+            paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, cluster: 0 });
+            let place = DVec2::new(4e-3, 2e-3) * (DVec2::new(f64::from(i % 8), f64::from(i / 8)) - 3.5) / 7.0;
+            let direction = frame.to_world(LocalDir::from_unit(place.extend(1.0).normalize()));
+            let weight = 0.5 + 0.01 * f64::from(i);
+            paths.record(i, ONE, Source::Sky { direction, seen: None }, weight, Term::SpecularSky);
+        }
+        let records: Vec<u32> = (0..64).collect();
+        let mut gathering = Gathering { paths: &paths, by_term: true, merged: Vec::new(), found: FxHashMap::default() };
+        let (centre, cos_near) = patch(middle, &records, 0, &mut gathering).expect("64 records far from the horizon");
+        assert!(centre.dot(middle) > 1.0 - 1e-9 && cos_near < 1.0);
+        let of_merged = |merged: &Merged| match merged.kind {
+            Kind::Patch { node, .. } => merged.sums.iter().sum::<f64>() * radiance(node.vec()),
+            _ => panic!("{:?}", merged.kind),
+        };
+        let of_record = |record: &Record| match record.source {
+            Source::Sky { direction, .. } => record.weight * radiance(direction.vec()),
+            _ => panic!("{:?}", record.source),
+        };
+        (gathering.merged.iter().map(of_merged).sum(), paths.records.iter().map(of_record).sum())
+    }
+
+    /// A sky that is even or linear over the patch comes back exactly, the steepest that it is for to 1e-4: 1/χ² about a sun as
+    /// near as one may stand.
+    #[test]
+    fn a_patch_gives_the_sky_of_its_records() {
+        let (found, due) = both(&|_| 3.0);
+        assert!((found / due - 1.0).abs() < 1e-12);
+        let (found, due) = both(&|d| 1.0 + d.x - 0.5 * d.y);
+        assert!((found / due - 1.0).abs() < 5e-6);
+        let middle = WorldDir::from_zenith_azimuth(40f64.to_radians(), 1.0).vec();
+        let aside = middle.cross(DVec3::Z).normalize();
+        let near = FROM_PEAKS * 2e-3;
+        for side in [aside, -aside, middle.cross(aside)] {
+            let sun = (middle * near.cos() + side * near.sin()).normalize();
+            let (found, due) = both(&|d| d.angle_between(sun).powi(-2));
+            assert!((found / due - 1.0).abs() < 1e-4, "{found} {due}");
+            assert!(found != due);
+        }
+    }
+}
