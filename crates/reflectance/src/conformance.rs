@@ -99,7 +99,7 @@ impl fmt::Display for Report {
 /// Holds a model bound to a grid of `n_entries` against the suite. It never panics on what a model answers.
 pub fn check(model: &dyn Bsdf, n_entries: usize, options: &Options) -> Report {
     let suite = Suite { model, n_entries, options };
-    let mut findings = vec![suite.split(), suite.values(), suite.below()];
+    let mut findings = vec![suite.split(), suite.values(), suite.below(), suite.lambertian()];
     if model.separable().is_some() {
         findings.push(suite.separable());
     }
@@ -317,6 +317,29 @@ impl Suite<'_> {
                 let sum: f64 = coefficients.iter().zip(&shapes).map(|(c, s)| c[entry] * s).sum();
                 worst.see((sum - f).abs() / f.abs().max(1e-12), || pair(incident, outgoing));
             }
+        }
+        worst.finding()
+    }
+
+    /// What f and the density of draws lack to hold the Lambertian part, relative to f and to the density, and where the model
+    /// says that nothing else scatters, what they have beyond it.
+    fn lambertian(&self) -> Finding {
+        let mut worst = Worst::of("f and the density hold their Lambertian part", 1e-9);
+        let mut rho = vec![0.0; self.n_entries];
+        for (incident, outgoing) in self.pairs() {
+            let chance = self.model.lambertian(outgoing, &mut rho);
+            if chance == 0.0 || incident.cos() <= 0.0 || outgoing.cos() <= 0.0 {
+                continue;
+            }
+            let alone = self.model.is_lambertian_at(incident, outgoing);
+            let lacks = |whole: f64, part: f64| {
+                let rest = whole - part;
+                (if alone { rest.abs() } else { -rest }).max(0.0) / whole.abs().max(1e-300)
+            };
+            let of_f =
+                self.f(incident, outgoing).into_iter().zip(&rho).map(|(f, rho)| lacks(f, rho / PI)).fold(0.0, f64::max);
+            let of_density = lacks(self.model.pdf(incident, outgoing), chance * incident.cos() / PI);
+            worst.see(of_f.max(of_density), || pair(incident, outgoing));
         }
         worst.finding()
     }
