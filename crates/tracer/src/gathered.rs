@@ -198,21 +198,16 @@ impl PixelLight {
                 Source::OpenSky { normal, unless: None } => gathering.add(own, 1.0, Kind::OpenSky(normal)),
                 Source::OpenSky { unless: Some(_), .. } | Source::Sun { .. } => grouped.push(i),
                 Source::Sky { direction, seen: None } => {
-                    let is_near =
-                        |first: WorldDir| (first.vec() - direction.vec()).length_squared() <= PATCH_ANGLE * PATCH_ANGLE;
-                    match bundles.iter().position(|(first, _)| is_near(*first)) {
+                    match bundles.iter().position(|(first, _)| is_near(*first, direction)) {
                         Some(at) => bundles[at].1.push(i),
                         None if bundles.len() < MOST_PATCHES => bundles.push((direction, vec![i])),
                         None => changing.push(i),
                     }
                 }
                 Source::Glint { mirror, half_angle, .. } => {
-                    let is_near = |glints: &Glints| {
-                        (glints.first.vec() - mirror.vec()).length_squared() <= PATCH_ANGLE * PATCH_ANGLE
-                    };
                     // A chord of such a length spans an angle hardly longer.
                     let angle = 1.01 * PATCH_ANGLE + half_angle;
-                    match glints.iter().position(is_near) {
+                    match glints.iter().position(|glints| is_near(glints.first, mirror)) {
                         Some(at) => {
                             glints[at].angle = glints[at].angle.max(angle);
                             glints[at].records.push(i);
@@ -263,6 +258,11 @@ impl PixelLight {
         };
         Self { wants, glints, merged, runs, patches, grouped, patched, changing }
     }
+}
+
+/// Whether two directions may lie in one bundle.
+fn is_near(a: WorldDir, b: WorldDir) -> bool {
+    (a.vec() - b.vec()).length_squared() <= PATCH_ANGLE * PATCH_ANGLE
 }
 
 /// Shares records that look at the sky about `first` between the directions of a patch: its middle and the cosine within

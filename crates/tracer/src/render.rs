@@ -197,7 +197,7 @@ pub fn render_tile(view: &View<'_>, tile: Tile) -> TileResult {
 /// The same, with the seconds of a clock that it took. What it renders does not depend on the clock.
 pub fn render_tile_timed(view: &View<'_>, tile: Tile, clock: &dyn Fn() -> f64) -> (TileResult, Spent) {
     let begun = clock();
-    let mut watch = Watch { clock, light: vec![0.0; view.times.len()] };
+    let mut watch = Watch { clock, ..Watch::still(view.times.len()) };
     let result = render_tile_watched(view, tile, &mut watch);
     let light = watch.light;
     let shared = clock() - begun - light.iter().sum::<f64>();
@@ -426,7 +426,7 @@ impl First {
         for t in 0..self.times.len() {
             for c in 0..view.channels.len() {
                 for (half, by) in [(0, 1), (1, 0)] {
-                    let seen = self.seen(t, c, by, true);
+                    let seen = self.heard(&self.seen(t, c, by));
                     let mean = seen.iter().map(|seen| seen.mean).sum::<f64>() / seen.len() as f64;
                     for (own, count) in seen.iter().zip(&mut counts) {
                         let needed = match view.worth {
@@ -449,9 +449,8 @@ impl First {
         counts
     }
 
-    /// What one half of the replicates tells of each pixel at one time in one channel; with neighbours `heard`, no less than
-    /// they tell.
-    fn seen(&self, t: usize, c: usize, half: usize, heard: bool) -> Vec<Seen> {
+    /// What one half of the replicates tells of each pixel at one time in one channel.
+    fn seen(&self, t: usize, c: usize, half: usize) -> Vec<Seen> {
         let replicates = half * REPLICATES / 2..(half + 1) * REPLICATES / 2;
         let of_pixel = |(radiance, facets): (&PixelRadiance, &[Option<FacetId>; REPLICATES])| {
             let kinds = std::array::from_fn::<_, { REPLICATES / 2 }, _>(|r| {
@@ -460,10 +459,11 @@ impl First {
             });
             Seen::new(&radiance.radiance[c][replicates.clone()], &kinds)
         };
-        let seen: Vec<Seen> = self.times[t].iter().zip(&self.facets).map(of_pixel).collect();
-        if !heard {
-            return seen;
-        }
+        self.times[t].iter().zip(&self.facets).map(of_pixel).collect()
+    }
+
+    /// The same, with no less variance than the pixels around tell.
+    fn heard(&self, seen: &[Seen]) -> Vec<Seen> {
         let heard = |(i, own): (usize, &Seen)| Seen {
             mean: own.mean,
             within: own.within.max(self.around(i, |j| seen[j].within)),
@@ -515,10 +515,15 @@ impl Seen {
     }
 }
 
-/// Samples a replicate after which W/n + B/n^1.5 is down to `allowed`: scattered points average what varies on a facet, and
-/// the points of one replicate, spread evenly over the pixel, do better on the area of a facet within it [Owen1997].
+/// W/n + B/n^1.5, what n samples a replicate leave: scattered points average what varies on a facet, and the points of one
+/// replicate, spread evenly over the pixel, do better on the area of a facet within it [Owen1997].
+fn left(within: f64, between: f64, n: f64) -> f64 {
+    within / n + between / (n * n.sqrt())
+}
+
+/// Samples a replicate that leave no more than `allowed`.
 fn needed(within: f64, between: f64, allowed: f64) -> f64 {
-    let both = |n: f64| within / n + between / n.powf(1.5) - allowed;
+    let both = |n: f64| left(within, between, n) - allowed;
     if both(1.0) <= 0.0 {
         return 1.0;
     }
@@ -535,23 +540,27 @@ fn needed(within: f64, between: f64, allowed: f64) -> f64 {
     high
 }
 
-/// Samples a replicate up to which one more lowers W/n + B/n^1.5 by at least `least`.
+/// Samples a replicate up to which one more lowers what is [left] by at least `least`.
 fn worthwhile(within: f64, between: f64, least: f64) -> f64 {
     let gain = |n: f64| within / (n * n) + 1.5 * between / (n * n * n.sqrt());
-    // Between what either alone is worth and both together.
-    let (mut low, mut high) = (1.0, ((within + 1.5 * between) / least).sqrt());
     if gain(1.0) <= least {
         return 1.0;
     }
-    for _ in 0..30 {
+    // Between what either alone is worth and both together.
+    halved((1.0, ((within + 1.5 * between) / least).sqrt()), 30, |n| gain(n) > least).1
+}
+
+/// Ends about where `is_low` ceases to hold, after so many halvings of their ratio.
+fn halved((mut low, mut high): (f64, f64), times: u32, is_low: impl Fn(f64) -> bool) -> (f64, f64) {
+    for _ in 0..times {
         let middle = (low * high).sqrt();
-        if gain(middle) > least {
+        if is_low(middle) {
             low = middle;
         } else {
             high = middle;
         }
     }
-    high
+    (low, high)
 }
 
 /// What a sample is worth in a view whose error is asked for over the image: the least by which one must lower the mean square of
@@ -580,38 +589,41 @@ impl Worth {
         let Accuracy::Error { relative, floor, every_pixel: false, .. } = view.accuracy else { return None };
         let (across, down) = (view.pixels.0.div_ceil(BLOCK), view.pixels.1.div_ceil(BLOCK));
         let (n, most) = (u64::from(across) * u64::from(down), u64::from(TOLD_BLOCKS));
-        let mut paths = Paths::new(view.nodes.len());
-        let lattice = view.lattice();
-        let blocks: Vec<First> = (0..n.min(most))
-            .map(|i| {
-                // Multiples of the golden ratio, which keep their distances on a circle.
-                let at = if n <= most { i } else { ((i as f64 * 0.618_033_988_749_894_9).fract() * n as f64) as u64 };
-                let (x, y) = ((at % u64::from(across)) as u32 * BLOCK, (at / u64::from(across)) as u32 * BLOCK);
-                let (width, height) = (BLOCK.min(view.pixels.0 - x), BLOCK.min(view.pixels.1 - y));
-                let block: Vec<(u32, u32)> = (0..height).flat_map(|y| (0..width).map(move |x| (x, y))).collect();
-                let tile = Tile { x, y, width, height };
-                First::of_block(view, &lattice, tile, &block, &mut paths, &mut Watch::still(view.times.len()))
-            })
+        // Multiples of the golden ratio, which keep their distances on a circle.
+        let spread = |i: u64| ((i as f64 * 0.618_033_988_749_894_9).fract() * n as f64) as u64;
+        let places: Vec<Tile> = (0..n.min(most))
+            .map(|i| if n <= most { i } else { spread(i) })
+            .map(|at| block_at(view.pixels, ((at % u64::from(across)) as u32, (at / u64::from(across)) as u32)))
             .collect();
+        let pixels: usize = places.iter().map(|block| (block.width * block.height) as usize).sum();
         let n_channels = view.channels.len();
-        let pixels: usize = blocks.iter().map(|first| first.block.len()).sum();
         let step = (pixels * view.times.len() * n_channels).div_ceil(TOLD_PIXELS).max(1);
-        let of = |t: usize, c: usize| {
-            let seen = |half, heard| {
-                blocks.iter().flat_map(move |first| first.seen(t, c, half, heard)).step_by(step).collect::<Vec<_>>()
-            };
-            let (chooses, tells) = (seen(0, true), seen(1, false));
-            let mean = chooses.iter().map(|seen| seen.mean).sum::<f64>() / chooses.len().max(1) as f64;
+        let (mut paths, lattice) = (Paths::new(view.nodes.len()), view.lattice());
+        // By time and channel: what both halves tell of every `step`th pixel. No block's images outlive it.
+        let mut seen: Vec<Vec<(Seen, Seen)>> = vec![Vec::new(); view.times.len() * n_channels];
+        let mut before = 0;
+        for tile in places {
+            let block = pixels_of(tile);
+            let mut watch = Watch::still(view.times.len());
+            let first = First::of_block(view, &lattice, tile, &block, &mut paths, &mut watch);
+            let of_block = (before..before + block.len()).map(|i| i % step == 0);
+            for (at, seen) in seen.iter_mut().enumerate() {
+                let half = |half| first.seen(at / n_channels, at % n_channels, half);
+                let both = first.heard(&half(0)).into_iter().zip(half(1)).zip(of_block.clone());
+                seen.extend(both.filter_map(|(both, is_told)| is_told.then_some(both)));
+            }
+            before += block.len();
+        }
+        let of = |seen: Vec<(Seen, Seen)>| {
+            let mean = seen.iter().map(|(chooses, _)| chooses.mean).sum::<f64>() / seen.len().max(1) as f64;
             let floor = floor.unwrap_or(0.01 * mean);
             let scaled = |seen: &Seen| {
                 let scale = REPLICATES as f64 * seen.mean.max(floor).powi(2);
                 if scale > 0.0 { (seen.within / scale, seen.between / scale) } else { (0.0, 0.0) }
             };
-            let told = chooses.iter().map(scaled).zip(tells.iter().map(scaled)).collect();
-            Told { floor, pixels: told }
+            Told { floor, pixels: seen.iter().map(|(chooses, tells)| (scaled(chooses), scaled(tells))).collect() }
         };
-        let times = 0..view.times.len();
-        let told: Vec<Told> = times.flat_map(|t| (0..n_channels).map(move |c| (t, c))).map(|(t, c)| of(t, c)).collect();
+        let told: Vec<Told> = seen.into_iter().map(of).collect();
         let wanted = relative * relative;
         // What each channel of each time would pay alone, then all by the same factor less, since the worst of them chooses.
         let own: Vec<f64> = told.iter().map(|of| dearest(wanted, |least| of.left(|i| of.count(i, least)))).collect();
@@ -641,26 +653,14 @@ impl Told {
 
     /// Mean square of the relative standard error that counts leave.
     fn left(&self, count: impl Fn(usize) -> f64) -> f64 {
-        let of_pixel = |(i, (_, (w, b))): (usize, &(_, (f64, f64)))| {
-            let n = count(i);
-            w / n + b / (n * n.sqrt())
-        };
+        let of_pixel = |(i, (_, (w, b))): (usize, &(_, (f64, f64)))| left(*w, *b, count(i));
         self.pixels.iter().enumerate().map(of_pixel).sum::<f64>() / self.pixels.len().max(1) as f64
     }
 }
 
 /// The largest price at which no more than `wanted` is left.
 fn dearest(wanted: f64, left: impl Fn(f64) -> f64) -> f64 {
-    let (mut low, mut high) = (1e-30_f64, 1e15_f64);
-    for _ in 0..40 {
-        let middle = (low * high).sqrt();
-        if left(middle) > wanted {
-            high = middle;
-        } else {
-            low = middle;
-        }
-    }
-    low
+    halved((1e-30, 1e15), 40, |price| left(price) <= wanted).0
 }
 
 /// Mean F over the samples of a pixel.
@@ -760,15 +760,23 @@ pub struct PixelTerms {
     pub samples: u32,
 }
 
+/// A block of an image of `pixels`, by its column and row among the blocks.
+fn block_at(pixels: (u32, u32), (column, row): (u32, u32)) -> Tile {
+    let (x, y) = (column * BLOCK, row * BLOCK);
+    Tile { x, y, width: BLOCK.min(pixels.0 - x), height: BLOCK.min(pixels.1 - y) }
+}
+
+/// Places of the pixels of a tile within it, row by row.
+fn pixels_of(tile: Tile) -> Vec<(u32, u32)> {
+    (0..tile.height).flat_map(|y| (0..tile.width).map(move |x| (x, y))).collect()
+}
+
 /// Renders one pixel at one time (an index into the view's times) and keeps its terms apart. The samples are those of
 /// the image.
 pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> PixelTerms {
-    let corner = |c: u32| c - c % BLOCK;
-    let (x, y) = (corner(pixel.0), corner(pixel.1));
-    let size = |n: u32, start: u32| BLOCK.min(n - start);
-    let tile = Tile { x, y, width: size(view.pixels.0, x), height: size(view.pixels.1, y) };
-    let block: Vec<(u32, u32)> = (0..tile.height).flat_map(|y| (0..tile.width).map(move |x| (x, y))).collect();
-    let at = ((pixel.1 - y) * tile.width + pixel.0 - x) as usize;
+    let tile = block_at(view.pixels, (pixel.0 / BLOCK, pixel.1 / BLOCK));
+    let block = pixels_of(tile);
+    let at = ((pixel.1 - tile.y) * tile.width + pixel.0 - tile.x) as usize;
     let mut paths = Paths::new(view.nodes.len());
     let lattice = view.lattice();
     let ranges = match view.accuracy {
