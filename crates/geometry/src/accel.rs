@@ -142,7 +142,7 @@ impl BoxRay {
 /// Nodes still to visit, nearest on top: distance in the upper half, child code in the lower. Spills to the heap in trees
 /// deeper than any that scenes give.
 struct Pending {
-    top: [u64; 64],
+    top: [u64; 32],
     count: usize,
     spill: Vec<u64>,
 }
@@ -163,7 +163,7 @@ impl Pending {
             return self.spill.pop();
         }
         self.count = self.count.checked_sub(1)?;
-        Some(self.top[self.count & 63])
+        Some(self.top[self.count & 31])
     }
 }
 
@@ -231,7 +231,7 @@ impl Tree {
         mut t_max: f32,
         mut visit: impl FnMut(usize, usize, &mut f32) -> bool,
     ) -> bool {
-        let mut pending = Pending { top: [0; 64], count: 0, spill: Vec::new() };
+        let mut pending = Pending { top: [0; 32], count: 0, spill: Vec::new() };
         let mut code = self.root;
         loop {
             if code & LEAF == 0 {
@@ -299,7 +299,7 @@ impl Tree {
         mut keep: impl FnMut(&Boxes) -> Option<u32>,
         mut visit: impl FnMut(usize, usize) -> bool,
     ) -> bool {
-        let mut pending = Pending { top: [0; 64], count: 0, spill: Vec::new() };
+        let mut pending = Pending { top: [0; 32], count: 0, spill: Vec::new() };
         pending.push(u64::from(self.root));
         while let Some(code) = pending.pop() {
             let code = code as u32;

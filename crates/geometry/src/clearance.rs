@@ -105,6 +105,21 @@ impl World {
         direction: WorldDir,
         spread: f64,
     ) -> bool {
+        self.shaft_is_clear_beside(None, lo, hi, anchor, normal, direction, spread)
+    }
+
+    /// The same where all facets count but `own`, on that plane or behind it too; with `own` the ground, all facets.
+    #[allow(clippy::too_many_arguments)]
+    pub(crate) fn shaft_is_clear_beside(
+        &self,
+        own: Option<FacetId>,
+        lo: DVec3,
+        hi: DVec3,
+        anchor: DVec3,
+        normal: DVec3,
+        direction: WorldDir,
+        spread: f64,
+    ) -> bool {
         let boxed = lo.cmple(hi).all() && lo.is_finite() && hi.is_finite();
         if !boxed || !(0.0..0.8).contains(&spread) {
             return false;
@@ -117,7 +132,11 @@ impl World {
                 return false;
             }
         }
-        let shaft = Shaft::new(lo, hi, anchor, normal, d, spread);
+        let mut shaft = Shaft::new(lo, hi, anchor, normal, d, spread);
+        if own.is_some() {
+            shaft.plane = None;
+        }
+        let own = own.and_then(|own| self.locate(own));
         let mut budget = SHAFT_BUDGET;
         !self.any_instance(
             |block| {
@@ -138,7 +157,11 @@ impl World {
                         packets[first..first + count].iter().any(|packet| {
                             let near = boxes.near(packet);
                             (0..4).filter(|lane| near >> lane & 1 == 1).any(|lane| {
-                                let corners = corners(mesh, placed, packet.triangle[lane]);
+                                let triangle = packet.triangle[lane];
+                                if own == Some((instance, mesh.facet_of(triangle) as usize)) {
+                                    return false;
+                                }
+                                let corners = corners(mesh, placed, triangle);
                                 !spend(&spent) || shaft.meets(&corners, tolerance)
                             })
                         })

@@ -5,6 +5,7 @@
 mod accel;
 mod clearance;
 mod facet;
+mod horizon;
 mod instance;
 mod mesh;
 mod obj;
@@ -12,11 +13,13 @@ mod raster;
 mod ray;
 mod scatter;
 mod shapes;
+mod sole;
 mod solids;
 mod terrain;
 mod world;
 
 pub use facet::{Facet, FacetError, MaterialId, PLANARITY};
+pub use horizon::{Horizon, Patch};
 pub use instance::{Instance, Pose};
 pub use mesh::{Mesh, MeshBuilder};
 pub use obj::{ObjError, ObjFault, ObjKind, ObjMesh, ObjSkipped, Up, read_obj};
@@ -24,6 +27,7 @@ pub use raster::{MOST_POSTS, Raster, RasterError, RasterFault, RasterKind, Raste
 pub use ray::{FacetId, GROUND_OBJECT, Hit, Ray};
 pub use scatter::{Crowded, Leaves, Region, Scatter, scatter};
 pub use shapes::{box_facets, panel_facets};
+pub use sole::SoleFacet;
 pub use solids::{cone_facets, cylinder_facets, disk_facet, sphere_facets};
 pub use terrain::{Terrain, TerrainError};
 pub use world::{Ground, LARGEST_COORDINATE, World, WorldError};

@@ -144,7 +144,8 @@ impl Mesh {
         }
     }
     pub(crate) fn triangle(&self, i: usize) -> [DVec3; 3] {
-        self.triangles[i].map(|v| self.vertices[v as usize])
+        let [a, b, c] = self.triangles[i];
+        [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
     }
     pub(crate) fn memory_bytes(&self) -> usize {
         let words = |p: &Polygons| p.first_corner.len() + p.corners.len() + p.facet_of.len();

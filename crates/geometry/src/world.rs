@@ -10,6 +10,9 @@ use rayon::prelude::*;
 /// Largest coordinate of the world, and 10³ times that in an object's frame \[m\].
 pub const LARGEST_COORDINATE: f64 = 1e9;
 
+/// Instances that are looked at one by one.
+const FEW: usize = 4;
+
 /// An endless level plane whose front looks up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ground {
@@ -268,8 +271,8 @@ impl World {
     fn trace<const CLOSEST: bool>(&self, ray: &Ray, best: &mut Best) -> bool {
         let (o, d) = (ray.origin, ray.direction.vec());
         let Some(top) = &self.top else { return false };
-        if let [only] = top.order[..] {
-            return self.trace_instance::<CLOSEST>(only, o, d, best);
+        if top.order.len() <= FEW {
+            return top.order.iter().any(|&instance| self.trace_instance::<CLOSEST>(instance, o, d, best));
         }
         let Some((enter, leave)) = top.block.clip(o, d, best.t) else { return false };
         let box_ray = BoxRay::new(o + d * enter - top.block.centre, d);
