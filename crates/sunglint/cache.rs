@@ -8,7 +8,7 @@ use sunglint_tracer::{RayCounts, TileResult};
 
 use crate::products::write_whole;
 
-const MAGIC: &[u8; 8] = b"SGTILE01";
+const MAGIC: &[u8; 8] = b"SGTILE02";
 
 /// The finished tiles of one run, in a folder named by the run's key.
 pub struct TileStore {
@@ -61,7 +61,7 @@ impl TileStore {
     }
 }
 
-fn rays(counts: &RayCounts) -> [u64; 8] {
+fn rays(counts: &RayCounts) -> [u64; 9] {
     [
         counts.camera,
         counts.hemisphere,
@@ -71,6 +71,7 @@ fn rays(counts: &RayCounts) -> [u64; 8] {
         counts.sun_turned_away,
         counts.sun_proved_clear,
         counts.hemisphere_open,
+        counts.camera_proved,
     ]
 }
 
@@ -105,11 +106,12 @@ fn decode(bytes: &[u8]) -> Option<TileResult> {
         rest = later;
         images.push(image.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect::<Vec<f32>>());
     }
-    let mut counts = [0; 8];
+    let mut counts = [0; 9];
     for count in &mut counts {
         *count = number(&mut rest)?;
     }
-    let [camera, hemisphere, mirror, sun, caustic, sun_turned_away, sun_proved_clear, hemisphere_open] = counts;
+    let [camera, hemisphere, mirror, sun, caustic, sun_turned_away, sun_proved_clear, hemisphere_open, camera_proved] =
+        counts;
     let mut images = images.into_iter();
     let mut next = || images.next().unwrap_or_default();
     Some(TileResult {
@@ -121,6 +123,7 @@ fn decode(bytes: &[u8]) -> Option<TileResult> {
         samples: next(),
         rays: RayCounts {
             camera,
+            camera_proved,
             hemisphere,
             mirror,
             sun,

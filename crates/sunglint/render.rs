@@ -625,6 +625,7 @@ pub fn skips_json(skips: &[Skip]) -> Value {
 pub fn rays_json(rays: &RayCounts) -> Value {
     json!({
         "camera": rays.camera,
+        "camera_skipped_proved": rays.camera_proved,
         "hemisphere": rays.hemisphere,
         "mirror": rays.mirror,
         "sun": rays.sun,

@@ -182,7 +182,10 @@ mod tests {
         let run = &plan.runs()[0];
         let (forecast, rays) = (run.forecast(), run.render().rays);
         assert_eq!((forecast.pixels, forecast.samples, run.moments.len()), (64, 32, 2));
-        assert_eq!((forecast.camera, forecast.hemisphere), (rays.camera as f64, rays.hemisphere as f64));
+        assert_eq!(
+            (forecast.camera, forecast.hemisphere),
+            ((rays.camera + rays.camera_proved) as f64, rays.hemisphere as f64)
+        );
         assert_eq!(2.0 * forecast.sun_per_time, rays.sun as f64);
         assert_eq!(2.0 * forecast.sun_skipped_per_time, (rays.sun_turned_away + rays.sun_proved_clear) as f64);
         assert!(rays.sun > 0 && rays.sun_proved_clear > 0, "{rays:?}");

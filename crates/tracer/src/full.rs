@@ -32,8 +32,10 @@ use crate::published::SPECTRAL;
 use crate::sampler::concentric_disk;
 use crate::{Scenery, Stream, Surface};
 
-/// Surfaces after which a path is played with Russian roulette.
-const ROULETTE_FROM: u32 = 3;
+/// A path is played with Russian roulette where one over this is left of what left the first surface.
+const ROULETTE: f64 = 4.0;
+/// Share of the sky that may be hidden above which each sample looks there; below it, as many as are in proportion.
+const ALWAYS_LOOKS: f64 = 0.1;
 /// The same for what the sensor sees in mirrors alone.
 const MIRROR_ROULETTE_FROM: u32 = 8;
 /// Surfaces after which an unlimited path ends: between perfect reflectors roulette alone would not end it.
@@ -103,8 +105,9 @@ pub(crate) struct Step {
     /// Product of the reflectances so far, and what else it is weighed with.
     spectrum: SpectrumId,
     weight: f64,
-    /// Largest |weight × spectrum| at the surface before, for Russian roulette.
-    before: f64,
+    /// |weight × spectrum| as the path left the last surface that the sensor sees, had it gone into the whole hemisphere; for
+    /// Russian roulette.
+    begun: f64,
     /// Surfaces so far, this one included.
     depth: u32,
     past: Past,
@@ -167,9 +170,8 @@ impl Algorithm for Full {
     }
 
     fn trace(&self, scenery: &Scenery, sight: &Ray, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
-        paths.rays.camera += 1;
         let id = paths.samples.len() as u32;
-        let Some(hit) = scenery.world.closest(sight) else {
+        let Some(hit) = paths.seen(&scenery.world, sight) else {
             paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, cluster: 0 });
             if self.directional_sky || sight.direction.cos_zenith() <= 0.0 {
                 paths.look_out(id, sight.direction);
@@ -183,7 +185,7 @@ impl Algorithm for Full {
         let vertex = paths.vertices.len() as u32;
         paths.samples.push(Sample { replicate, vertex: Some(vertex), range: hit.t, sky_view: f64::NAN, cluster: 0 });
         let past = Past { straight: true, mirrors: 0, by_lobe: false };
-        let first = Step { hit, outgoing: -sight.direction, spectrum: ONE, weight: 1.0, before: 1.0, depth: 1, past };
+        let first = Step { hit, outgoing: -sight.direction, spectrum: ONE, weight: 1.0, begun: 1.0, depth: 1, past };
         let mut walk = Walk { scenery, id, room: std::mem::take(&mut paths.room) };
         walk.room.waiting.push(first);
         while let Some(step) = walk.room.waiting.pop() {
@@ -216,8 +218,7 @@ impl Full {
             let spectrum = paths.times(spectrum, |q| emission[q]);
             paths.record(id, spectrum, Source::Own, weight, step.term(Term::Emission));
         }
-        let disk = if self.sun_disk { concentric_disk(stream.next2()) } else { [0.0; 2] };
-        let vertex = paths.vertex(hit, past.straight, disk);
+        let vertex = paths.vertex(hit, past.straight, stream.later());
         let lobes = surface.bsdf.lobes();
         if lobes == Lobes::default() {
             return;
@@ -254,14 +255,19 @@ impl Full {
             }
             return;
         }
-        let [a, b] = stream.next2();
-        let draw = [a, b, stream.next1()];
         let open = of_even.filter(|_| scenery.world.is_open(hit.facet, hit.front));
         if let Some(spectrum) = open {
             paths.rays.hemisphere_open += 1;
             let (source, share) = self.whole_sky(&hit);
             paths.record(id, spectrum, source, weight * share, step.term(Term::DiffuseSky));
         }
+        let left = paths.peak(spectrum) * weight.abs() / step.begun * most_reflected(surface);
+        let mut weight = weight;
+        if !roulette(&mut weight, ROULETTE * left, stream) {
+            return;
+        }
+        let [a, b] = stream.next2();
+        let draw = [a, b, stream.next1()];
         match of_even.filter(|_| draw[2] >= 1.0 - even) {
             Some(spectrum) => {
                 let direction = match open {
@@ -277,7 +283,7 @@ impl Full {
                     }
                 }
             }
-            None => self.rest(walk, step, surface, outgoing, draw, 1.0, stream, paths),
+            None => self.rest(walk, &Step { weight, ..*step }, surface, outgoing, draw, 1.0, stream, paths),
         }
     }
 
@@ -306,6 +312,7 @@ impl Full {
         paths: &mut Paths,
     ) {
         let (hit, id) = (step.hit, walk.id);
+        let step = &Step { begun: paths.peak(spectrum) * step.weight.abs(), ..*step };
         let term = step.term(Term::DiffuseSky);
         let share = open_sky_view(hit.normal);
         let is_open = walk.scenery.world.is_open(hit.facet, hit.front);
@@ -314,19 +321,40 @@ impl Full {
             paths.rays.hemisphere_open += 1;
             let (source, share) = self.whole_sky(&hit);
             paths.record(id, spectrum, source, step.weight * share, term);
-        } else if let Some(direction) = above_horizon(&hit, stream) {
-            let above = Step { spectrum, weight: step.weight * share, ..*step };
-            let met = self.look(walk, &above, direction, false, stream, paths);
-            let escaped = met == Met::Sky;
+        } else if hit.normal.z > -1.0 {
+            // Below the horizon of the patch a ray looks; what lies above is free.
+            let place = stream.next2();
+            let horizon = paths.horizons.at(&walk.scenery.world, &hit, step.outgoing);
+            let hidden = horizon.map_or(1.0, |index| paths.horizons.get(index).share());
+            let chance = (hidden / ALWAYS_LOOKS).min(1.0);
             if self.directional_sky {
                 let whole = Source::OpenSky { normal: hit.normal, unless: Some(vertex) };
                 paths.record(id, spectrum, whole, step.weight, term);
-                let source = Source::Sky { direction, seen: Some((vertex, escaped)) };
-                paths.record(id, spectrum, source, above.weight, term);
-            } else if escaped {
-                paths.record(id, spectrum, Source::MeanSky, above.weight, term);
             }
-            seen = if escaped { share } else { 0.0 };
+            let weight = step.weight * share * (1.0 - hidden);
+            let source = match horizon {
+                Some(horizon) if self.directional_sky => Source::FreeSky { vertex, horizon, place },
+                _ => Source::MeanSky,
+            };
+            paths.record(id, spectrum, source, weight, term);
+            let mut escaped = false;
+            if place[0] < chance {
+                let place = match horizon {
+                    Some(index) => paths.horizons.get(index).hidden([place[0] / chance, place[1]]),
+                    None => concentric_disk(place),
+                };
+                let direction = above_horizon(hit.normal, place);
+                let above = Step { spectrum, weight: step.weight * share * hidden / chance, ..*step };
+                escaped = self.look(walk, &above, direction, false, stream, paths) == Met::Sky;
+                if self.directional_sky {
+                    let source = Source::Sky { direction, seen: Some((vertex, escaped)) };
+                    paths.record(id, spectrum, source, above.weight, term);
+                } else if escaped {
+                    paths.record(id, spectrum, Source::MeanSky, above.weight, term);
+                }
+            }
+            let found = if escaped { hidden / chance } else { 0.0 };
+            seen = share * (1.0 - hidden + found);
         }
         if step.depth == 1 {
             paths.samples[id as usize].sky_view = seen;
@@ -412,7 +440,8 @@ impl Full {
         let direction = Frame::about(step.hit.normal).to_world(sample.incident);
         let weight = step.weight * sample.incident.cos().abs() / (density * scale);
         let past = Past { mirrors: 0, ..step.past };
-        let next = Step { spectrum, weight, past, ..*step };
+        let begun = if step.past.straight { paths.peak(spectrum) * weight.abs() } else { step.begun };
+        let next = Step { spectrum, weight, past, begun, ..*step };
         let by_lobe = step.past.by_lobe || step.past.straight;
         if self.look(walk, &next, direction, by_lobe, stream, paths) == Met::Sky {
             self.record_sky(walk.id, &next, direction, step.term(Term::SpecularSky), paths);
@@ -464,21 +493,31 @@ impl Full {
         if left == 0.0 {
             return Met::Surface;
         }
-        if depth > if straight { MIRROR_ROULETTE_FROM } else { ROULETTE_FROM } {
-            let survival = left / step.before;
-            if survival < 1.0 {
-                if stream.next1() >= survival {
-                    return Met::Surface;
-                }
-                weight /= survival;
-            }
+        if straight && depth > MIRROR_ROULETTE_FROM && !roulette(&mut weight, ROULETTE * left, stream) {
+            return Met::Surface;
         }
         let past = Past { straight, mirrors: step.past.mirrors, by_lobe };
-        let before = left * weight / step.weight;
         let (spectrum, weight) = paths.balanced(step.spectrum, weight);
-        walk.room.waiting.push(Step { hit, outgoing: -direction, spectrum, weight, before, depth, past });
+        walk.room.waiting.push(Step { hit, outgoing: -direction, spectrum, weight, begun: step.begun, depth, past });
         Met::Surface
     }
+}
+
+/// Goes on with a chance, and then with as much more weight.
+fn roulette(weight: &mut f64, chance: f64, stream: &mut Stream) -> bool {
+    if chance < 1.0 {
+        if stream.next1() >= chance {
+            return false;
+        }
+        *weight /= chance;
+    }
+    true
+}
+
+/// The most that a surface scatters of what it receives, or 1 where its components do not tell.
+fn most_reflected(surface: &Surface) -> f64 {
+    let lobes = surface.bsdf.lobes();
+    if lobes.mirror || lobes.glossy || lobes.transmission { 1.0 } else { surface.brightest.min(1.0) }
 }
 
 /// What a ray found.

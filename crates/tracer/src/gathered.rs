@@ -150,6 +150,8 @@ struct Gathering<'a> {
     by_term: bool,
     merged: Vec<Merged>,
     found: FxHashMap<Key, usize>,
+    /// The last of each tag: most records follow one of their own kind.
+    last: [Option<(Key, usize)>; 6],
 }
 
 impl Gathering<'_> {
@@ -166,17 +168,25 @@ impl Gathering<'_> {
         };
         let sample = &self.paths.samples[record.sample as usize];
         let (cluster, term) = (sample.cluster, term_of(record.term, self.by_term));
-        let at = *self.found.entry((cluster, term, tag, key)).or_insert_with(|| {
-            self.merged.push(Merged {
-                cluster,
-                term,
-                kind,
-                replicates: SmallVec::new(),
-                sums: Vec::new(),
-                by_node: Vec::new(),
-            });
-            self.merged.len() - 1
-        });
+        let key = (cluster, term, tag, key);
+        let last = self.last[usize::from(tag)].filter(|(last, _)| *last == key);
+        let at = last.map_or_else(
+            || {
+                *self.found.entry(key).or_insert_with(|| {
+                    self.merged.push(Merged {
+                        cluster,
+                        term,
+                        kind,
+                        replicates: SmallVec::new(),
+                        sums: Vec::new(),
+                        by_node: Vec::new(),
+                    });
+                    self.merged.len() - 1
+                })
+            },
+            |(_, at)| at,
+        );
+        self.last[usize::from(tag)] = Some((key, at));
         self.merged[at].add(sample.replicate, record.weight * share, self.paths.spectrum(record.spectrum));
     }
 }
@@ -189,7 +199,8 @@ impl PixelLight {
         let (mut changing, mut grouped) = (Vec::new(), Vec::new());
         let mut glints: Vec<Glints> = Vec::new();
         let mut bundles: Vec<(WorldDir, Vec<u32>)> = Vec::new();
-        let mut gathering = Gathering { paths, by_term, merged: Vec::new(), found: FxHashMap::default() };
+        let mut gathering =
+            Gathering { paths, by_term, merged: Vec::new(), found: FxHashMap::default(), last: [None; 6] };
         for i in records.start as u32..records.end as u32 {
             let own = record(i);
             match own.source {
@@ -223,7 +234,9 @@ impl PixelLight {
             Source::Sun { vertex } | Source::OpenSky { unless: Some(vertex), .. } => block.of_vertices[vertex as usize],
             _ => u32::MAX,
         };
-        grouped.sort_by_key(group_of);
+        if !grouped.is_sorted_by_key(group_of) {
+            grouped.sort_by_key(group_of);
+        }
         let mut runs: Vec<Run> = Vec::new();
         for own in grouped.chunk_by(|a, b| group_of(a) == group_of(b)) {
             let start = runs.last().map_or(0, |run| run.records.end);
@@ -250,7 +263,8 @@ impl PixelLight {
         let mut merged = gathering.merged;
         merged.iter_mut().for_each(|merged| merged.finish(block.nodes.len()));
         let wants = |kind: fn(&Kind) -> bool| merged.iter().any(|merged| kind(&merged.kind));
-        let looks_up = changing.iter().any(|i| matches!(record(*i).source, Source::Sky { .. }));
+        let looks_up =
+            changing.iter().any(|i| matches!(record(*i).source, Source::Sky { .. } | Source::FreeSky { .. }));
         let wants = Wants {
             own: wants(|kind| *kind == Kind::Own),
             mean_sky: wants(|kind| *kind == Kind::MeanSky),
@@ -418,7 +432,13 @@ mod tests {
             paths.record(i, ONE, Source::Sky { direction, seen: None }, weight, Term::SpecularSky);
         }
         let records: Vec<u32> = (0..64).collect();
-        let mut gathering = Gathering { paths: &paths, by_term: true, merged: Vec::new(), found: FxHashMap::default() };
+        let mut gathering = Gathering {
+            paths: &paths,
+            by_term: true,
+            merged: Vec::new(),
+            found: FxHashMap::default(),
+            last: [None; 6],
+        };
         let (centre, cos_near) = patch(middle, &records, 0, &mut gathering).expect("64 records far from the horizon");
         assert!(centre.dot(middle) > 1.0 - 1e-9 && cos_near < 1.0);
         let of_merged = |merged: &Merged| match merged.kind {

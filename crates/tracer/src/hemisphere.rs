@@ -1,7 +1,9 @@
 //! Directions over a facet.
 
 use glam::DVec3;
-use sunglint_geometry::Hit;
+use rustc_hash::FxHashMap;
+use smallvec::SmallVec;
+use sunglint_geometry::{FacetId, Hit, Horizon, Patch, World};
 use sunglint_radiometry::{Frame, LocalDir, WorldDir};
 
 use crate::Stream;
@@ -26,27 +28,120 @@ pub(crate) fn hemisphere_direction(hit: &Hit, stream: &mut Stream) -> WorldDir {
 pub(crate) fn below_horizon(hit: &Hit, stream: &mut Stream) -> Option<WorldDir> {
     let cos_tilt = hit.normal.z.clamp(-1.0, 1.0);
     let u = stream.next2();
-    (cos_tilt < 1.0)
-        .then(|| squeezed(hit.normal, u, |rim, chord| 0.5 * ((1.0 + cos_tilt) * rim + (1.0 - cos_tilt) * chord)))
+    (cos_tilt < 1.0).then(|| {
+        squeezed(hit.normal, concentric_disk(u), |rim, chord| 0.5 * ((1.0 + cos_tilt) * rim + (1.0 - cos_tilt) * chord))
+    })
 }
 
-/// The same given that it points above the horizon; `None` where the facet faces straight down.
-pub(crate) fn above_horizon(hit: &Hit, stream: &mut Stream) -> Option<WorldDir> {
-    let cos_tilt = hit.normal.z.clamp(-1.0, 1.0);
-    let u = stream.next2();
-    (cos_tilt > -1.0)
-        .then(|| squeezed(hit.normal, u, |rim, chord| 0.5 * ((cos_tilt - 1.0) * rim + (1.0 + cos_tilt) * chord)))
+/// The direction above the horizon at a point (x, v) of the disk of [`Horizon`], which is uniform there where cosine-weighted
+/// directions above the horizon are wanted.
+pub(crate) fn above_horizon(normal: DVec3, place: [f64; 2]) -> WorldDir {
+    let cos_tilt = normal.z.clamp(-1.0, 1.0);
+    squeezed(normal, place, |rim, chord| 0.5 * ((cos_tilt - 1.0) * rim + (1.0 + cos_tilt) * chord))
 }
 
 /// The direction at (x, y) of Nusselt's disk, y = `place`(rim, chord) of a uniform point (x, chord), |chord| ≤ rim.
-fn squeezed(normal: DVec3, u: [f64; 2], place: impl Fn(f64, f64) -> f64) -> WorldDir {
-    let [x, chord] = concentric_disk(u);
+fn squeezed(normal: DVec3, [x, chord]: [f64; 2], place: impl Fn(f64, f64) -> f64) -> WorldDir {
     let rim = (1.0 - x * x).max(0.0).sqrt();
     let y = place(rim, chord);
     let z = (rim * rim - y * y).max(0.0).sqrt();
-    let down = (normal.z * normal - DVec3::Z).try_normalize().unwrap_or(DVec3::X);
-    let strike = down.cross(normal);
+    let [strike, down] = sides(normal);
     WorldDir::new(x * strike + y * down + z * normal)
+}
+
+/// Unit vectors along a facet's strike and downhill.
+fn sides(normal: DVec3) -> [DVec3; 2] {
+    let down = (normal.z * normal - DVec3::Z).try_normalize().unwrap_or(DVec3::X);
+    [down.cross(normal), down]
+}
+
+/// A patch: facet and side, the power of two that its side is, and its place among those.
+type PatchKey = (FacetId, bool, i32, i64, i64);
+
+/// Horizons of patches of the facets that fill much of a block.
+#[derive(Default)]
+pub(crate) struct Horizons {
+    /// Facets that they are made for, their side, and their planes.
+    facets: SmallVec<[(FacetId, bool, DVec3, f64); 4]>,
+    /// Least width of a patch at a metre's distance, seen from above \[m\].
+    width: f64,
+    all: Vec<Horizon>,
+    known: FxHashMap<PatchKey, u32>,
+    last: Option<(PatchKey, u32)>,
+}
+
+/// Share of a block that a facet fills for which horizons are made: one costs about as much as 100 samples.
+const WORTH_A_HORIZON: f64 = 0.25;
+/// Width of a patch in widths of a block.
+const PATCH_WIDTH: f64 = 0.5;
+/// Seen at a flatter angle than this sine, patches grow no longer.
+const FLATTEST: f64 = 0.05;
+/// Horizons that are kept.
+const MOST_HORIZONS: usize = 2048;
+
+impl Horizons {
+    /// Makes ready for a block that is so wide at a metre's distance, from what rays spread over it meet.
+    pub fn begin(&mut self, world: &World, width: f64, hits: &[Option<Hit>]) {
+        self.width = PATCH_WIDTH * width;
+        self.facets.clear();
+        for hit in hits.iter().flatten() {
+            let is_same = |other: &&Hit| other.facet == hit.facet && other.front == hit.front;
+            let filled = hits.iter().flatten().filter(is_same).count();
+            if (filled as f64) < WORTH_A_HORIZON * hits.len() as f64 || self.plane_of(hit).is_some() {
+                continue;
+            }
+            let corners = world.facet(hit.facet).corners;
+            let offset = corners.first().map_or(hit.normal.dot(hit.point), |corner| hit.normal.dot(*corner));
+            let is_plane = corners.iter().all(|corner| (hit.normal.dot(*corner) - offset).abs() <= 16.0 * hit.error);
+            if is_plane {
+                self.facets.push((hit.facet, hit.front, hit.normal, offset));
+            }
+        }
+        if self.all.len() > MOST_HORIZONS {
+            self.all.clear();
+            self.known.clear();
+            self.last = None;
+        }
+    }
+
+    /// n·p of the plane of a facet that horizons are made for.
+    fn plane_of(&self, hit: &Hit) -> Option<f64> {
+        let is_own = |(facet, front, normal, _): &&(FacetId, bool, DVec3, f64)| {
+            (*facet, *front, *normal) == (hit.facet, hit.front, hit.normal)
+        };
+        self.facets.iter().find(is_own).map(|(.., offset)| *offset)
+    }
+
+    /// That of the patch about a hit seen from `outgoing`; `None` where it would not be used often enough.
+    pub fn at(&mut self, world: &World, hit: &Hit, outgoing: WorldDir) -> Option<u32> {
+        let offset = self.plane_of(hit)?;
+        let width = self.width * hit.t / hit.normal.dot(outgoing.vec()).max(FLATTEST);
+        if !(1e-100..1e100).contains(&width) {
+            return None;
+        }
+        // The power of two above it.
+        let side = f64::from_bits(width.to_bits() >> 52 << 52) * 2.0;
+        let [strike, down] = sides(hit.normal);
+        let cell = |axis: DVec3| (axis.dot(hit.point) / side).floor();
+        let (u, v) = (cell(strike), cell(down));
+        let key = (hit.facet, hit.front, (side.to_bits() >> 52) as i32, u as i64, v as i64);
+        if let Some((_, at)) = self.last.filter(|(last, _)| *last == key) {
+            return Some(at);
+        }
+        let at = *self.known.entry(key).or_insert_with(|| {
+            let middle = side * ((u + 0.5) * strike + (v + 0.5) * down) + offset * hit.normal;
+            let patch = Patch { middle, half: 0.5 * side, sides: [strike, down], normal: hit.normal };
+            self.all.push(world.horizon(&patch));
+            self.all.len() as u32 - 1
+        });
+        self.last = Some((key, at));
+        Some(at)
+    }
+
+    /// One that was made for this block.
+    pub fn get(&self, index: u32) -> &Horizon {
+        &self.all[index as usize]
+    }
 }
 
 #[cfg(test)]
@@ -85,7 +180,9 @@ mod tests {
             for below in [true, false] {
                 let part = |i| match below {
                     true => below_horizon(&hit, &mut Stream::new(1, 0, 0, 0, i)),
-                    false => above_horizon(&hit, &mut Stream::new(1, 0, 0, 0, i)),
+                    false => {
+                        (beta < PI).then(|| above_horizon(normal, concentric_disk(Stream::new(1, 0, 0, 0, i).next2())))
+                    }
                 };
                 let direct: Vec<DVec3> = (0..n).filter_map(part).map(WorldDir::vec).collect();
                 let sign = if below { -1.0 } else { 1.0 };

@@ -9,6 +9,7 @@ use smallvec::SmallVec;
 use sunglint_radiometry::{Channels, Frame, LocalDir, REPLICATES, WorldDir};
 
 use crate::gathered::{Glints, Kind, Patch, PixelLight, Run, Sums, term_of};
+use crate::hemisphere::above_horizon;
 use crate::lamp::{Lamp, OfKnot, Wants};
 use crate::mirrors::{Image, Thrower, mirrored};
 use crate::paths::{FacetGroup, Paths, RayCounts, Source, SpectrumId, Vertex};
@@ -397,6 +398,17 @@ impl<'a> BlockLight<'a> {
                         sums.add(replicate, term, spectrum, &work.lamp, share * record.weight);
                     }
                 }
+                Source::FreeSky { vertex, horizon, place } => {
+                    if !self.sun.shaded[vertex as usize] {
+                        continue;
+                    }
+                    let normal = paths.vertices[vertex as usize].hit.normal;
+                    let direction = above_horizon(normal, paths.horizons.get(horizon).free(place));
+                    if self.lights.sky(direction, &mut work.weights, &mut work.amounts) {
+                        self.lights.of_sky(lamp, self.block.nodes, &work.amounts, &mut work.lamp);
+                        sums.add(replicate, term, spectrum, &work.lamp, record.weight);
+                    }
+                }
                 Source::Glint { vertex, mirror, escaped, solid_angle, half_angle, law } => {
                     let Some(sun) = self.time.sun else { continue };
                     let i = vertex as usize;
@@ -457,8 +469,12 @@ impl<'a> BlockLight<'a> {
 
     /// The same at the point of the disk that a vertex sees.
     fn limb_of(&self, vertex: &Vertex, spectrum: &[f64]) -> Option<Vec<f64>> {
-        let [x, y] = vertex.disk;
-        self.darkened(x.hypot(y), spectrum).filter(|_| self.block.lighting.sun_disk)
+        let Lighting { sun_disk, limb_darkening, .. } = self.block.lighting;
+        if !(sun_disk && limb_darkening) {
+            return None;
+        }
+        let [x, y] = vertex.disk();
+        self.darkened(x.hypot(y), spectrum)
     }
 
     /// The sun at a vertex by all but the Lambertian part, whose spectrum and chance are `even`: fills `work.spectrum`, and gives

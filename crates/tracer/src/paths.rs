@@ -2,10 +2,12 @@
 
 use glam::DVec3;
 use rustc_hash::FxHashMap;
-use sunglint_geometry::{FacetId, Hit};
+use sunglint_geometry::{FacetId, Hit, Ray, SoleFacet, World};
 use sunglint_radiometry::{LocalDir, WorldDir};
 
+use crate::hemisphere::Horizons;
 use crate::light::Term;
+use crate::sampler::{Pair, concentric_disk};
 
 /// Index of a spectrum of [`Paths`]: a product of reflectances at the nodes. 0 is 1 throughout.
 pub(crate) type SpectrumId = u32;
@@ -27,6 +29,8 @@ pub(crate) enum Source {
     /// L_d(ω). Where `seen` names a vertex and whether ω is free there, only what [`OpenSky`](Self::OpenSky) with that vertex
     /// leaves: V − α of it.
     Sky { direction: WorldDir, seen: Option<(u32, bool)> },
+    /// L_d(ω) where something hides the sun from a vertex, ω in the free part of a horizon at a place of the unit square.
+    FreeSky { vertex: u32, horizon: u32, place: [f64; 2] },
     /// The sun's disk, looked into along a direction; `density` \[sr⁻¹\] is that of the draw that led there, infinite where
     /// none but this ray can find the disk.
     Disk { direction: WorldDir, density: f64 },
@@ -56,8 +60,15 @@ pub(crate) struct Vertex {
     pub hit: Hit,
     /// First surface of the path, so that the block's points on one facet may be proved lit together.
     pub first: bool,
-    /// Point of the sun's disk, in disk radii; (0, 0) for a point sun.
-    pub disk: [f64; 2],
+    /// Chooses the point of the sun's disk.
+    disk: Pair,
+}
+
+impl Vertex {
+    /// Point of the sun's disk, in disk radii.
+    pub fn disk(&self) -> [f64; 2] {
+        concentric_disk(self.disk.draw())
+    }
 }
 
 /// A contribution: weight × spectrum × source.
@@ -89,6 +100,8 @@ pub(crate) struct Sample {
 pub struct RayCounts {
     /// From the sensor.
     pub camera: u64,
+    /// From the sensor, not cast: nothing stands before the one facet that the block's lines of sight meet.
+    pub camera_proved: u64,
     /// Over a facet's hemisphere, for the sky it sees and its background.
     pub hemisphere: u64,
     /// Along mirror directions.
@@ -115,6 +128,7 @@ impl RayCounts {
 impl std::ops::AddAssign for RayCounts {
     fn add_assign(&mut self, other: Self) {
         self.camera += other.camera;
+        self.camera_proved += other.camera_proved;
         self.hemisphere += other.hemisphere;
         self.mirror += other.mirror;
         self.sun += other.sun;
@@ -133,6 +147,9 @@ pub struct Paths {
     pub(crate) rays: RayCounts,
     /// Room for steps of a path that wait, and for two spectra.
     pub(crate) room: Room,
+    /// The facet that the lines of sight of the block that is traced meet, where it is one.
+    pub(crate) sole: Option<SoleFacet>,
+    pub(crate) horizons: Horizons,
     /// Spectra at the nodes, one after another.
     spectra: Vec<f64>,
     n_nodes: usize,
@@ -154,6 +171,8 @@ impl Paths {
             records: Vec::new(),
             rays: RayCounts::default(),
             room: Room { waiting: Vec::new(), rho: vec![0.0; n_nodes], f: vec![0.0; n_nodes] },
+            sole: None,
+            horizons: Horizons::default(),
             spectra: vec![1.0; n_nodes],
             n_nodes,
         }
@@ -174,7 +193,17 @@ impl Paths {
             + size_of_val(&self.samples[..])
     }
 
-    pub(crate) fn vertex(&mut self, hit: Hit, first: bool, disk: [f64; 2]) -> u32 {
+    /// What a line of sight meets.
+    pub(crate) fn seen(&mut self, world: &World, sight: &Ray) -> Option<Hit> {
+        if let Some(hit) = self.sole.as_ref().and_then(|sole| sole.meet(sight)) {
+            self.rays.camera_proved += 1;
+            return Some(hit);
+        }
+        self.rays.camera += 1;
+        world.closest(sight)
+    }
+
+    pub(crate) fn vertex(&mut self, hit: Hit, first: bool, disk: Pair) -> u32 {
         self.vertices.push(Vertex { hit, first, disk });
         self.vertices.len() as u32 - 1
     }
@@ -234,18 +263,25 @@ impl Paths {
         let mut index: FxHashMap<(FacetId, bool, bool), usize> = FxHashMap::default();
         let mut groups: Vec<FacetGroup> = Vec::new();
         let mut of_vertices = Vec::with_capacity(self.vertices.len());
+        // Most follow one of their own kind.
+        let mut last = None;
         for (i, vertex) in self.vertices.iter().enumerate() {
             let hit = &vertex.hit;
-            let at = *index.entry((hit.facet, hit.front, vertex.first)).or_insert_with(|| {
-                groups.push(FacetGroup {
-                    lo: hit.point,
-                    hi: hit.point,
-                    anchor: hit.point,
-                    normal: hit.normal,
-                    members: Vec::new(),
-                });
-                groups.len() - 1
+            let key = (hit.facet, hit.front, vertex.first);
+            let known = last.filter(|(last, _)| *last == key).map(|(_, at)| at);
+            let at = known.unwrap_or_else(|| {
+                *index.entry(key).or_insert_with(|| {
+                    groups.push(FacetGroup {
+                        lo: hit.point,
+                        hi: hit.point,
+                        anchor: hit.point,
+                        normal: hit.normal,
+                        members: Vec::new(),
+                    });
+                    groups.len() - 1
+                })
             });
+            last = Some((key, at));
             let group = &mut groups[at];
             group.lo = group.lo.min(hit.point);
             group.hi = group.hi.max(hit.point);

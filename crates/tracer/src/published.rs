@@ -17,7 +17,6 @@ use crate::algorithm::{Algorithm, Lighting};
 use crate::hemisphere::{below_horizon, hemisphere_direction, open_sky_view};
 use crate::light::Term;
 use crate::paths::{GlintLaw, ONE, Paths, Sample, Source, SpectrumId};
-use crate::sampler::concentric_disk;
 use crate::sun::half_angle;
 use crate::{Scenery, Stream, Surface};
 
@@ -255,9 +254,8 @@ impl Algorithm for Published {
     }
 
     fn trace(&self, scenery: &Scenery, sight: &Ray, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
-        paths.rays.camera += 1;
         let id = paths.samples.len() as u32;
-        let Some(hit) = scenery.world.closest(sight) else {
+        let Some(hit) = paths.seen(&scenery.world, sight) else {
             paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, cluster: 0 });
             paths.look_out(id, sight.direction);
             return;
@@ -287,8 +285,7 @@ fn times_total(paths: &mut Paths, spectrum: SpectrumId, surface: &Surface, theta
 
 impl Published {
     fn vertex(&self, hit: Hit, first: bool, stream: &mut Stream, paths: &mut Paths) -> u32 {
-        let disk = if self.with.sun_disk { concentric_disk(stream.next2()) } else { [0.0; 2] };
-        paths.vertex(hit, first, disk)
+        paths.vertex(hit, first, stream.later())
     }
 
     /// Whether a path of `depth` surfaces may meet another.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use sunglint_atmosphere::Path;
-use sunglint_geometry::{FacetId, MaterialId, Ray};
+use sunglint_geometry::{FacetId, Hit, MaterialId, Ray, SoleFacet};
 use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
 use crate::gathered::PixelLight;
@@ -16,6 +16,8 @@ use crate::{Algorithm, Lights, Nodes, Scenery, Stream};
 const TILE: u32 = 32;
 /// Pixels along a side of a block: the unit in which paths are kept and sun rays proved unnecessary.
 const BLOCK: u32 = 8;
+/// Rays along a side of a block that tell what it sees.
+const PROBES: usize = 4;
 /// Bytes of the paths of one block after which they are lit and dropped.
 const PATHS_LIMIT: usize = 1 << 25;
 
@@ -76,6 +78,28 @@ impl View<'_> {
         let facets = world.bounds().map(|(low, _)| low.z);
         let floor = facets.into_iter().chain(world.ground().map(|ground| ground.height)).fold(f64::INFINITY, f64::min);
         Lattice::new(self.sight, self.pixels, if floor.is_finite() { floor } else { f64::NEG_INFINITY })
+    }
+}
+
+impl View<'_> {
+    /// Makes ready to trace pixels of a block of the image: rays spread over it tell what it sees.
+    fn begin(&self, block: Tile, lattice: &Lattice<'_>, paths: &mut Paths) {
+        let world = &self.scenery.world;
+        let at = |u: f64, v: f64| {
+            (self.sight)(
+                f64::from(block.x) + u * f64::from(block.width),
+                f64::from(block.y) + v * f64::from(block.height),
+            )
+        };
+        let probes: [Option<Hit>; PROBES * PROBES] = std::array::from_fn(|i| {
+            let middle = |i: usize| (i as f64 + 0.5) / PROBES as f64;
+            world.closest(&at(middle(i % PROBES), middle(i / PROBES)))
+        });
+        paths.horizons.begin(world, lattice.pixel_angle() * f64::from(BLOCK), &probes);
+        let first = probes[0].map(|hit| hit.facet);
+        let is_one = first.is_some() && probes.iter().all(|hit| hit.map(|hit| hit.facet) == first);
+        let corners = || [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
+        paths.sole = is_one.then(corners).and_then(|corners| SoleFacet::of(world, &corners));
     }
 }
 
@@ -224,6 +248,9 @@ fn render_tile_watched(view: &View<'_>, tile: Tile, watch: &mut Watch<'_>) -> Ti
             let rows = by..(by + BLOCK).min(tile.height);
             let block: Vec<(u32, u32)> =
                 rows.flat_map(|y| (bx..(bx + BLOCK).min(tile.width)).map(move |x| (x, y))).collect();
+            let (x, y) = (tile.x + bx, tile.y + by);
+            let (width, height) = (BLOCK.min(tile.width - bx), BLOCK.min(tile.height - by));
+            view.begin(Tile { x, y, width, height }, &lattice, &mut paths);
             match view.accuracy {
                 Accuracy::Samples(n) => {
                     let each = round_to_replicates(n) / REPLICATES as u32;
@@ -281,7 +308,7 @@ impl Target<'_, '_> {
                     self.write(t, index, &of_time[i]);
                 }
             }
-            truth_of_pixel(self.view, pixel, index, self.n_pixels, sky_view, self.result);
+            truth_of_pixel(self.view, pixel, index, self.n_pixels, sky_view, paths, self.result);
             if paths.size() > PATHS_LIMIT {
                 self.light(tile, block, &mut pending, paths, first);
             }
@@ -605,6 +632,7 @@ impl Worth {
         for tile in places {
             let block = pixels_of(tile);
             let mut watch = Watch::still(view.times.len());
+            view.begin(tile, &lattice, &mut paths);
             let first = First::of_block(view, &lattice, tile, &block, &mut paths, &mut watch);
             let of_block = (before..before + block.len()).map(|i| i % step == 0);
             for (at, seen) in seen.iter_mut().enumerate() {
@@ -716,11 +744,11 @@ fn truth_of_pixel(
     index: usize,
     n_pixels: usize,
     sky_view: f64,
+    paths: &mut Paths,
     result: &mut TileResult,
 ) {
     let sight = (view.sight)(f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5);
-    result.rays.camera += 1;
-    let maps: [f64; TileResult::TRUTH_MAPS] = match view.scenery.world.closest(&sight) {
+    let maps: [f64; TileResult::TRUTH_MAPS] = match paths.seen(&view.scenery.world, &sight) {
         Some(hit) => [
             f64::from(view.scenery.surface(hit.material).code),
             f64::from(hit.instance),
@@ -779,6 +807,7 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
     let at = ((pixel.1 - tile.y) * tile.width + pixel.0 - tile.x) as usize;
     let mut paths = Paths::new(view.nodes.len());
     let lattice = view.lattice();
+    view.begin(tile, &lattice, &mut paths);
     let ranges = match view.accuracy {
         Accuracy::Samples(n) => [round_to_replicates(n) / REPLICATES as u32; 2].map(|each| 0..each),
         Accuracy::Error { .. } => {

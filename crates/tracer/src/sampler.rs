@@ -7,20 +7,54 @@ fn mix(mut z: u64) -> u64 {
     z ^ (z >> 31)
 }
 
-/// Dimensions with an Owen-scrambled Sobol sequence; later ones are hashed.
-const SOBOL_DIMENSIONS: u32 = 64;
+/// A pair of numbers of a sample that is not drawn yet.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pair {
+    key: u64,
+    index: u32,
+    pair: u32,
+}
 
-/// The numbers of one sample, drawn in order: Owen-scrambled Sobol points [Burley 2020, JCGT 9(4)], shuffled and scrambled
-/// independently for every (seed, view, pixel, replicate) and every four numbers. Four are the sequence's first four
-/// dimensions each time: later ones fill planes worse than chance does (2 numbers of set 1 by 16 samples: 1.9 times the
-/// variance).
+impl Pair {
+    /// The point of [0, 1)²: of the first two dimensions of Sobol's sequence, which put one point into each cell of every division
+    /// of the plane into 2^a × 2^b by 2^(a+b) points, in an order and with digits scrambled after Owen [Burley2020].
+    pub fn draw(self) -> [f64; 2] {
+        let seed = mix(self.key ^ u64::from(self.pair));
+        let seeds = [seed as u32, (seed >> 32) as u32, (seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as u32];
+        let place = scrambled(self.index.reverse_bits(), seeds[0]).reverse_bits();
+        // With digits from the last to the first, the sequence's first dimension is the place itself, and digit j of the second
+        // the sum of those of the place whose number holds all bits of j: Pascal's triangle modulo 2.
+        let mut second = place;
+        second ^= (second >> 1) & 0x5555_5555;
+        second ^= (second >> 2) & 0x3333_3333;
+        second ^= (second >> 4) & 0x0f0f_0f0f;
+        second ^= (second >> 8) & 0x00ff_00ff;
+        second ^= second >> 16;
+        [scrambled(place, seeds[1]), scrambled(second, seeds[2])]
+            .map(|digits| f64::from(digits.reverse_bits()) * 2f64.powi(-32))
+    }
+}
+
+/// Each bit flipped by a hash of those below it [Laine & Karras 2011, with the constants of Vegdahl 2021]: Owen's scrambling of
+/// digits that run from the last to the first.
+const fn scrambled(mut x: u32, seed: u32) -> u32 {
+    x ^= x.wrapping_mul(0x3d20_adea);
+    x = x.wrapping_add(seed);
+    x = x.wrapping_mul((seed >> 16) | 1);
+    x ^= x.wrapping_mul(0x0552_6c56);
+    x ^ x.wrapping_mul(0x53a2_2864)
+}
+
+/// The numbers of one sample, drawn in order, in pairs: each pair is scrambled independently for every (seed, view, pixel,
+/// replicate). Further dimensions of Sobol's sequence fill planes worse than chance does (2 numbers of the second four by 16
+/// samples: 1.9 times the variance).
 #[derive(Clone, Debug)]
 pub struct Stream {
     key: u64,
     index: u32,
-    dimension: u32,
-    /// Four dimensions are made at a time.
-    four: [f32; 4],
+    pair: u32,
+    /// The other number of a pair.
+    left: Option<f64>,
 }
 
 impl Stream {
@@ -29,27 +63,27 @@ impl Stream {
         let key = [view, pixel, u64::from(replicate)].iter().fold(mix(seed ^ 0x9e37_79b9_7f4a_7c15), |key, part| {
             mix(key ^ mix(part.wrapping_add(0x9e37_79b9_7f4a_7c15)))
         });
-        Self { key, index, dimension: 0, four: [0.0; 4] }
+        Self { key, index, pair: 0, left: None }
     }
 
     /// The next number of [0, 1).
     pub fn next1(&mut self) -> f64 {
-        let dimension = self.dimension;
-        self.dimension += 1;
-        if dimension < SOBOL_DIMENSIONS && self.index < 1 << 16 {
-            if dimension.is_multiple_of(4) {
-                let seed = mix(self.key ^ u64::from(dimension / 4));
-                self.four = sobol_burley::sample_4d(self.index, 0, seed as u32);
-            }
-            return f64::from(self.four[dimension as usize % 4]);
-        }
-        let bits = mix(self.key ^ mix((u64::from(self.index) << 32) | u64::from(dimension)));
-        (bits >> 11) as f64 * 2f64.powi(-53)
+        self.left.take().unwrap_or_else(|| {
+            let [first, second] = self.next2();
+            self.left = Some(second);
+            first
+        })
     }
 
     /// The next point of [0, 1)².
     pub fn next2(&mut self) -> [f64; 2] {
-        [self.next1(), self.next1()]
+        self.later().draw()
+    }
+
+    /// The next point of [0, 1)², to be drawn where it is needed.
+    pub(crate) fn later(&mut self) -> Pair {
+        self.pair += 1;
+        Pair { key: self.key, index: self.index, pair: self.pair }
     }
 }
 

@@ -109,6 +109,8 @@ pub(crate) struct Lattice<'a> {
     sight: &'a (dyn Fn(f64, f64) -> Ray + Sync),
     pixels: (u32, u32),
     step: u32,
+    /// The widest that a pixel sees \[rad\].
+    pixel_angle: f64,
     /// Height below which nothing is met \[m\].
     floor: f64,
 }
@@ -126,7 +128,12 @@ impl<'a> Lattice<'a> {
             .fold(0.0, f64::max);
         let fits = |step: &&u32| f64::from(**step) * widest <= KNOT_ANGLE;
         let step = *KNOT_STEPS.iter().find(fits).unwrap_or(&KNOT_STEPS[KNOT_STEPS.len() - 1]);
-        Self { sight, pixels, step, floor }
+        Self { sight, pixels, step, pixel_angle: widest, floor }
+    }
+
+    /// The widest angle that a pixel sees \[rad\].
+    pub const fn pixel_angle(&self) -> f64 {
+        self.pixel_angle
     }
 
     fn place(&self, knot: Knot) -> [f64; 2] {

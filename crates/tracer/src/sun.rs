@@ -60,7 +60,7 @@ impl Sun {
         if self.radius == 0.0 {
             return self.middle;
         }
-        let [x, y] = vertex.disk.map(|c| c * self.radius);
+        let [x, y] = vertex.disk().map(|c| c * self.radius);
         self.frame.to_world(LocalDir::from_unit(DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())))
     }
 }
