@@ -108,11 +108,12 @@ impl World {
         self.shaft_is_clear_beside(None, lo, hi, anchor, normal, direction, spread)
     }
 
-    /// The same where all facets count but `own`, on that plane or behind it too; with `own` the ground, all facets.
+    /// The same where all facets count but `own`, on that plane or behind it too; the box may reach as far below the ground as
+    /// `own` says, by rounding.
     #[allow(clippy::too_many_arguments)]
     pub(crate) fn shaft_is_clear_beside(
         &self,
-        own: Option<FacetId>,
+        own: Option<(FacetId, f64)>,
         lo: DVec3,
         hi: DVec3,
         anchor: DVec3,
@@ -127,7 +128,7 @@ impl World {
         let d = direction.vec();
         if let Some(ground) = self.ground() {
             let rises = d.z.clamp(-1.0, 1.0).asin();
-            let above = lo.z >= ground.height && rises >= spread;
+            let above = lo.z >= ground.height - own.map_or(0.0, |(_, below)| below) && rises >= spread;
             if !(above && rises > 0.0 || hi.z <= ground.height && rises < -spread) {
                 return false;
             }
@@ -136,7 +137,7 @@ impl World {
         if own.is_some() {
             shaft.plane = None;
         }
-        let own = own.and_then(|own| self.locate(own));
+        let own = own.and_then(|(own, _)| self.locate(own));
         let mut budget = SHAFT_BUDGET;
         !self.any_instance(
             |block| {

@@ -25,9 +25,9 @@ use crate::world::World;
 /// Sectors of azimuth.
 const SECTORS: usize = 64;
 /// Boxes and triangles that are looked at one by one; what is left over counts as the boxes about it.
-const BUDGET: u32 = 4096;
+const BUDGET: u32 = 1024;
 /// Boxes narrower than this are taken as they are \[rad\].
-const NARROW: f64 = 0.03;
+const NARROW: f64 = 0.06;
 
 /// Cosine of the tilt beyond which a facet counts as level.
 const LEVEL: f64 = 1.0 - 1e-15;

@@ -47,14 +47,14 @@ impl SoleFacet {
         let (lo, hi) =
             hits.iter().fold((first.point, first.point), |(lo, hi), hit| (lo.min(hit.point), hi.max(hit.point)));
         let error = 2.0 * hits.iter().map(|hit| hit.error).fold(0.0, f64::max);
-        let margin = DVec3::splat(WIDER * (hi - lo).max_element() + error);
-        let (lo, hi) = (lo - margin, hi + margin);
+        let margin = WIDER * (hi - lo).max_element() + error;
+        let (lo, hi) = (lo - DVec3::splat(margin), hi + DVec3::splat(margin));
         let towards = -rays.iter().map(|ray| ray.direction.vec()).sum::<DVec3>().try_normalize()?;
         let spread = rays.iter().map(|ray| towards.angle_between(-ray.direction.vec())).fold(0.0, f64::max);
         let spread = spread * (1.0 + WIDER) + 1e-9;
         let direction = WorldDir::from_unit(towards);
-        let beside = Some(first.facet);
-        world.shaft_is_clear_beside(beside, lo, hi, first.point, first.normal, direction, spread).then(|| Self {
+        let own = Some((first.facet, 2.0 * margin));
+        world.shaft_is_clear_beside(own, lo, hi, first.point, first.normal, direction, spread).then(|| Self {
             hit: Hit { error, ..first },
             lo,
             hi,

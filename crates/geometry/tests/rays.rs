@@ -559,3 +559,156 @@ fn a_facet_is_open_if_no_corner_rises_above_its_plane() {
     assert!(!world.is_open(FacetId::GROUND, true) && world.is_open(FacetId::GROUND, false));
     assert!(World::new(vec![], vec![], ground).unwrap().is_open(FacetId::GROUND, true));
 }
+
+/// The direction at a point of the disk of a horizon: its chord stretched back to that above the world's horizon.
+fn towards([strike, down]: [DVec3; 2], normal: DVec3, [x, v]: [f64; 2]) -> WorldDir {
+    let rim = (1.0 - x * x).max(0.0).sqrt();
+    let y = 0.5 * ((1.0 + normal.z) * v - (1.0 - normal.z) * rim);
+    WorldDir::new(x * strike + y * down + (rim * rim - y * y).max(0.0).sqrt() * normal)
+}
+fn sides(normal: DVec3) -> [DVec3; 2] {
+    let down = (normal.z * normal - DVec3::Z).try_normalize().unwrap_or(DVec3::X);
+    [down.cross(normal), down]
+}
+
+/// What a horizon calls free is free from every point of its patch, over facets of any tilt; and over small patches most of what
+/// is free is called so, though here all kinds of things float in the air.
+#[test]
+fn no_ray_into_the_free_part_of_a_horizon_is_blocked() {
+    let (mut called_free, mut free, mut tried) = (0, 0, 0);
+    for (seed, offset) in (0..12).zip(OFFSETS.into_iter().cycle()) {
+        let world = crowd(seed, offset, seed % 2 == 0);
+        let mut random = Random(seed + 300);
+        for i in 0..400 {
+            let Some(hit) = world.closest(&Ray::new(offset + random.point(25.0), random.direction())) else {
+                continue;
+            };
+            if hit.normal.z < -0.999 {
+                continue;
+            }
+            let half = [1e-3, 0.05, 0.5][i % 3];
+            let sides = sides(hit.normal);
+            let horizon = world.horizon(&Patch { middle: hit.point, half, sides, normal: hit.normal });
+            let occluded = |random: &mut Random, place: [f64; 2]| {
+                let [a, b] = sides.map(|side| side * (half * random.within(-1.0, 1.0)));
+                world.occluded(&Hit { point: hit.point + a + b, ..hit }.leave(towards(sides, hit.normal, place)))
+            };
+            for _ in 0..60 {
+                let place = horizon.free([random.next(), random.next()]);
+                assert!(horizon.share() == 1.0 || !occluded(&mut random, place), "seed {seed}, case {i}");
+            }
+            if half == 1e-3 {
+                let hidden = (0..200).filter(|_| {
+                    let (r, phi) = (random.next().sqrt(), TAU * random.next());
+                    occluded(&mut random, [r * phi.cos(), r * phi.sin()])
+                });
+                free += 200 - hidden.count();
+                called_free += (200.0 * (1.0 - horizon.share())) as usize;
+                tried += 200;
+            }
+        }
+    }
+    assert!(tried > 100_000 && 2 * called_free > free, "{called_free} called free of {free} free of {tried}");
+}
+
+/// An endless wall whose top is seen at elevation α, straight ahead, hides (1 − cos α)/2 of the sky of a level facet; what a
+/// horizon adds to that, which takes the highest of each 5.6°, is a sixteenth.
+#[test]
+fn the_horizon_of_a_wall_has_its_view_factor() {
+    for elevation in [0.02, 0.3, 1.2_f64] {
+        let wall = rectangle(DVec3::new(-1e5, 10.0, 0.0), DVec3::X * 2e5, DVec3::Z * 10.0 * elevation.tan());
+        let world = alone(vec![wall]);
+        let patch = Patch { middle: DVec3::ZERO, half: 1e-6, sides: sides(DVec3::Z), normal: DVec3::Z };
+        let due = 0.5 * (1.0 - elevation.cos());
+        let share = world.horizon(&patch).share();
+        assert!(share >= due && share < 1.07 * due, "{share} {due}");
+    }
+}
+
+/// Points of the square go to both parts of the disk in proportion to area: together they have the moments of the disk.
+#[test]
+fn both_parts_of_a_horizon_are_filled_evenly() {
+    let world = crowd(5, DVec3::ZERO, true);
+    let normal = DVec3::new(0.3, -0.2, 0.9).normalize();
+    let patch = Patch { middle: DVec3::new(1.0, 2.0, 8.0), half: 0.3, sides: sides(normal), normal };
+    let horizon = world.horizon(&patch);
+    assert!(horizon.share() > 0.05 && horizon.share() < 0.95, "{}", horizon.share());
+    let n = 2000;
+    let (mut sum, mut squares) = (DVec3::ZERO, DVec3::ZERO);
+    for i in 0..n * n {
+        let u = [(f64::from(i % n) + 0.5) / f64::from(n), (f64::from(i / n) + 0.5) / f64::from(n)];
+        for (share, [x, y]) in [(horizon.share(), horizon.hidden(u)), (1.0 - horizon.share(), horizon.free(u))] {
+            assert!(x * x + y * y <= 1.0 + 1e-12);
+            sum += share * DVec3::new(x, y, x * y);
+            squares += share * DVec3::new(x * x, y * y, (x * x + y * y).powi(2));
+        }
+    }
+    let (mean, squares) = (sum / f64::from(n * n), squares / f64::from(n * n));
+    assert!(mean.abs().max_element() < 2e-4, "{mean}");
+    assert!((squares - DVec3::new(0.25, 0.25, 1.0 / 3.0)).abs().max_element() < 2e-4, "{squares}");
+}
+
+/// A facet that is proven to be all that a bundle of rays sees is what each of them meets, where it meets it; and many bundles
+/// that see one facet are proven, though here things stand behind the eye too.
+#[test]
+fn the_sole_facet_of_a_bundle_is_what_its_rays_meet() {
+    let (mut proven, mut alike) = (0, 0);
+    for (seed, offset) in (0..12).zip(OFFSETS.into_iter().cycle()) {
+        let world = crowd(seed, offset, seed % 2 == 0);
+        let mut random = Random(seed + 400);
+        for i in 0..600 {
+            let eye = offset + random.point(25.0);
+            let axis = random.direction().vec();
+            let (right, up) = (axis.any_orthonormal_vector(), axis.cross(axis.any_orthonormal_vector()));
+            let half = [1e-3, 0.01, 0.1][i % 3];
+            let ray = |x: f64, y: f64| Ray::new(eye, WorldDir::new(axis + half * (x * right + y * up)));
+            let corners = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(x, y)| ray(x, y));
+            let sole = SoleFacet::of(&world, &corners);
+            let mut facets = Vec::new();
+            for _ in 0..60 {
+                let ray = ray(random.within(-1.3, 1.3), random.within(-1.3, 1.3));
+                let found = world.closest(&ray);
+                facets.push(found.map(|hit| (hit.facet, hit.front)));
+                let Some(claimed) = sole.as_ref().and_then(|sole| sole.meet(&ray)) else { continue };
+                let hit = found.expect("a hit");
+                assert_eq!(
+                    (hit.facet, hit.front, hit.material, hit.instance),
+                    (claimed.facet, claimed.front, claimed.material, claimed.instance)
+                );
+                // Along the plane points differ by what the ray's start and direction are rounded by.
+                let cos = hit.normal.dot(ray.direction.vec()).abs();
+                let rounding = hit.error + claimed.error + 8.0 * f64::EPSILON * (eye.length() + hit.t);
+                assert!(hit.normal.dot(hit.point - claimed.point).abs() <= hit.error + claimed.error);
+                assert!(
+                    hit.point.distance(claimed.point) <= rounding / cos,
+                    "{} {rounding} {cos}",
+                    hit.point.distance(claimed.point)
+                );
+            }
+            let is_one = facets[0].is_some() && facets.iter().all(|f| *f == facets[0]);
+            (proven, alike) = (proven + usize::from(sole.is_some()), alike + usize::from(is_one));
+        }
+    }
+    assert!(alike > 1_000 && 3 * proven > alike, "{proven} proven of {alike}");
+}
+
+/// A decal in the ground's own plane, or a facet beside its like, is seen, so that nothing is proven about it.
+#[test]
+fn a_facet_within_the_plane_of_another_is_not_overlooked() {
+    let decal = rectangle(DVec3::new(-0.1, -0.1, 0.0), DVec3::X * 0.2, DVec3::Y * 0.2);
+    let ground = Some(Ground { height: 0.0, material: GRASS });
+    let one = || vec![instance(0, DAffine3::IDENTITY, 1)];
+    let world = World::new(vec![Mesh::from_facets(vec![decal])], one(), ground).unwrap();
+    let bundle = |x: f64, half: f64| {
+        [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)].map(|(u, v)| {
+            let to = DVec3::new(x + half * u, half * v, 0.0);
+            Ray::new(DVec3::new(0.0, 0.0, 10.0), WorldDir::new(to - DVec3::Z * 10.0))
+        })
+    };
+    assert!(SoleFacet::of(&world, &bundle(0.0, 1.0)).is_none());
+    let beside = SoleFacet::of(&world, &bundle(3.0, 1.0)).expect("ground alone");
+    let down = |x: f64| Ray::new(DVec3::new(0.0, 0.0, 10.0), WorldDir::new(DVec3::new(x, 0.0, -10.0)));
+    assert_eq!(beside.meet(&down(2.5)).map(|hit| hit.facet), Some(FacetId::GROUND));
+    assert!(beside.meet(&down(0.0)).is_none());
+    assert!(SoleFacet::of(&world, &bundle(0.0, 0.05)).is_some_and(|sole| sole.meet(&down(0.01)).is_some()));
+}
