@@ -32,10 +32,9 @@ use crate::published::SPECTRAL;
 use crate::sampler::concentric_disk;
 use crate::{Scenery, Stream, Surface};
 
-/// A path is played with Russian roulette where one over this is left of what left the first surface.
+/// A path is played with Russian roulette where less than one over this is left of what it began with: what survives weighs
+/// no more than that, and is not rare where it counts.
 const ROULETTE: f64 = 4.0;
-/// Share of the sky that may be hidden above which each sample looks there; below it, as many as are in proportion.
-const ALWAYS_LOOKS: f64 = 0.1;
 /// The same for what the sensor sees in mirrors alone.
 const MIRROR_ROULETTE_FROM: u32 = 8;
 /// Surfaces after which an unlimited path ends: between perfect reflectors roulette alone would not end it.
@@ -105,8 +104,8 @@ pub(crate) struct Step {
     /// Product of the reflectances so far, and what else it is weighed with.
     spectrum: SpectrumId,
     weight: f64,
-    /// |weight × spectrum| as the path left the last surface that the sensor sees, had it gone into the whole hemisphere; for
-    /// Russian roulette.
+    /// Largest |weight × spectrum| as the path left the last surface that the sensor sees, or as it came there; for Russian
+    /// roulette.
     begun: f64,
     /// Surfaces so far, this one included.
     depth: u32,
@@ -270,12 +269,12 @@ impl Full {
         let draw = [a, b, stream.next1()];
         match of_even.filter(|_| draw[2] >= 1.0 - even) {
             Some(spectrum) => {
-                let direction = match open {
-                    Some(_) => below_horizon(&hit, stream),
-                    None => Some(hemisphere_direction(&hit, stream)),
-                };
                 let share = if open.is_some() { 1.0 - open_sky_view(hit.normal) } else { 1.0 };
-                if let Some(direction) = direction.filter(|_| share > 0.0) {
+                if share > 0.0 {
+                    let direction = match open {
+                        Some(_) => below_horizon(hit.normal, stream.next2()),
+                        None => hemisphere_direction(&hit, stream),
+                    };
                     let next = Step { spectrum, weight: weight * share / even, ..*step };
                     let met = self.look(walk, &next, direction, past.by_lobe, stream, paths);
                     if met == Met::Sky {
@@ -312,7 +311,6 @@ impl Full {
         paths: &mut Paths,
     ) {
         let (hit, id) = (step.hit, walk.id);
-        let step = &Step { begun: paths.peak(spectrum) * step.weight.abs(), ..*step };
         let term = step.term(Term::DiffuseSky);
         let share = open_sky_view(hit.normal);
         let is_open = walk.scenery.world.is_open(hit.facet, hit.front);
@@ -326,43 +324,38 @@ impl Full {
             let place = stream.next2();
             let horizon = paths.horizons.at(&walk.scenery.world, &hit, step.outgoing);
             let hidden = horizon.map_or(1.0, |index| paths.horizons.get(index).share());
-            let chance = (hidden / ALWAYS_LOOKS).min(1.0);
             if self.directional_sky {
                 let whole = Source::OpenSky { normal: hit.normal, unless: Some(vertex) };
                 paths.record(id, spectrum, whole, step.weight, term);
             }
-            let weight = step.weight * share * (1.0 - hidden);
             let source = match horizon {
                 Some(horizon) if self.directional_sky => Source::FreeSky { vertex, horizon, place },
                 _ => Source::MeanSky,
             };
-            paths.record(id, spectrum, source, weight, term);
-            let mut escaped = false;
-            if place[0] < chance {
+            paths.record(id, spectrum, source, step.weight * share * (1.0 - hidden), term);
+            seen = share * (1.0 - hidden);
+            if hidden > 0.0 {
                 let place = match horizon {
-                    Some(index) => paths.horizons.get(index).hidden([place[0] / chance, place[1]]),
+                    Some(index) => paths.horizons.get(index).hidden(place),
                     None => concentric_disk(place),
                 };
                 let direction = above_horizon(hit.normal, place);
-                let above = Step { spectrum, weight: step.weight * share * hidden / chance, ..*step };
-                escaped = self.look(walk, &above, direction, false, stream, paths) == Met::Sky;
+                let above = Step { spectrum, weight: step.weight * share * hidden, ..*step };
+                let escaped = self.look(walk, &above, direction, false, stream, paths) == Met::Sky;
                 if self.directional_sky {
                     let source = Source::Sky { direction, seen: Some((vertex, escaped)) };
                     paths.record(id, spectrum, source, above.weight, term);
                 } else if escaped {
                     paths.record(id, spectrum, Source::MeanSky, above.weight, term);
                 }
+                seen += if escaped { share * hidden } else { 0.0 };
             }
-            let found = if escaped { hidden / chance } else { 0.0 };
-            seen = share * (1.0 - hidden + found);
         }
         if step.depth == 1 {
             paths.samples[id as usize].sky_view = seen;
         }
-        if share < 1.0
-            && self.goes_on(step.depth)
-            && let Some(direction) = below_horizon(&hit, stream)
-        {
+        if share < 1.0 && self.goes_on(step.depth) {
+            let direction = below_horizon(hit.normal, stream.next2());
             let below = Step { spectrum, weight: step.weight * (1.0 - share), ..*step };
             self.look(walk, &below, direction, false, stream, paths);
         }
@@ -440,8 +433,7 @@ impl Full {
         let direction = Frame::about(step.hit.normal).to_world(sample.incident);
         let weight = step.weight * sample.incident.cos().abs() / (density * scale);
         let past = Past { mirrors: 0, ..step.past };
-        let begun = if step.past.straight { paths.peak(spectrum) * weight.abs() } else { step.begun };
-        let next = Step { spectrum, weight, past, begun, ..*step };
+        let next = Step { spectrum, weight, past, ..*step };
         let by_lobe = step.past.by_lobe || step.past.straight;
         if self.look(walk, &next, direction, by_lobe, stream, paths) == Met::Sky {
             self.record_sky(walk.id, &next, direction, step.term(Term::SpecularSky), paths);
@@ -493,12 +485,14 @@ impl Full {
         if left == 0.0 {
             return Met::Surface;
         }
-        if straight && depth > MIRROR_ROULETTE_FROM && !roulette(&mut weight, ROULETTE * left, stream) {
+        if straight && depth > MIRROR_ROULETTE_FROM && !roulette(&mut weight, left / step.begun, stream) {
             return Met::Surface;
         }
+        // A path begins where the sensor ceases to see it.
+        let begun = if step.past.straight { left } else { step.begun };
         let past = Past { straight, mirrors: step.past.mirrors, by_lobe };
         let (spectrum, weight) = paths.balanced(step.spectrum, weight);
-        walk.room.waiting.push(Step { hit, outgoing: -direction, spectrum, weight, begun: step.begun, depth, past });
+        walk.room.waiting.push(Step { hit, outgoing: -direction, spectrum, weight, begun, depth, past });
         Met::Surface
     }
 }

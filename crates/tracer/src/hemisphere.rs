@@ -19,18 +19,15 @@ pub(crate) fn hemisphere_direction(hit: &Hit, stream: &mut Stream) -> WorldDir {
     Frame::about(hit.normal).to_world(LocalDir::from_unit(cosine_hemisphere(stream.next2())))
 }
 
-/// A cosine-weighted direction of the facet's hemisphere, given that it points below the horizon; `None` where the facet
-/// is level.
+/// A cosine-weighted direction of the hemisphere of a facet that is not level, given that it points below the horizon, from a
+/// point of [0, 1)².
 ///
 /// Cosine-weighted directions are uniform in Nusselt's disk about the normal. The horizon is there the half-ellipse
 /// y = cos β √(1 − x²), x along the strike and y downhill, so squeezing the disk's chords into what lies beyond it keeps
 /// the points uniform.
-pub(crate) fn below_horizon(hit: &Hit, stream: &mut Stream) -> Option<WorldDir> {
-    let cos_tilt = hit.normal.z.clamp(-1.0, 1.0);
-    let u = stream.next2();
-    (cos_tilt < 1.0).then(|| {
-        squeezed(hit.normal, concentric_disk(u), |rim, chord| 0.5 * ((1.0 + cos_tilt) * rim + (1.0 - cos_tilt) * chord))
-    })
+pub(crate) fn below_horizon(normal: DVec3, u: [f64; 2]) -> WorldDir {
+    let cos_tilt = normal.z.clamp(-1.0, 1.0);
+    squeezed(normal, concentric_disk(u), |rim, chord| 0.5 * ((1.0 + cos_tilt) * rim + (1.0 - cos_tilt) * chord))
 }
 
 /// The direction above the horizon at a point (x, v) of the disk of [`Horizon`], which is uniform there where cosine-weighted
@@ -179,7 +176,7 @@ mod tests {
             assert!((share - 0.5 * (1.0 - beta.cos())).abs() < 0.01, "share of the lune at β = {beta}");
             for below in [true, false] {
                 let part = |i| match below {
-                    true => below_horizon(&hit, &mut Stream::new(1, 0, 0, 0, i)),
+                    true => Some(below_horizon(normal, Stream::new(1, 0, 0, 0, i).next2())),
                     false => {
                         (beta < PI).then(|| above_horizon(normal, concentric_disk(Stream::new(1, 0, 0, 0, i).next2())))
                     }

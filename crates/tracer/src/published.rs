@@ -411,11 +411,10 @@ impl Published {
             }
             if looks_further && f < 1.0 {
                 // All that is not sky lies below the horizon of the facet's hemisphere.
-                if let Some(direction) = below_horizon(&step.hit, stream) {
-                    paths.rays.hemisphere += 1;
-                    if let Some(hit) = scenery.world.closest(&step.hit.leave(direction)) {
-                        self.background(scenery, id, step, hit, direction, step.weight * (1.0 - f), stream, paths);
-                    }
+                let direction = below_horizon(step.hit.normal, stream.next2());
+                paths.rays.hemisphere += 1;
+                if let Some(hit) = scenery.world.closest(&step.hit.leave(direction)) {
+                    self.background(scenery, id, step, hit, direction, step.weight * (1.0 - f), stream, paths);
                 }
             }
             return;

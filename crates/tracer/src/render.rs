@@ -376,8 +376,9 @@ fn trace_pixel(
     for (replicate, count) in counts.iter_mut().enumerate() {
         let range = ranges[replicate * 2 / REPLICATES].clone();
         *count = range.end.saturating_sub(range.start);
+        let first = Stream::new(view.seed, view.id, key, replicate as u32, 0);
         for i in range {
-            let mut stream = Stream::new(view.seed, view.id, key, replicate as u32, i);
+            let mut stream = first.at(i);
             let [u, v] = stream.next2();
             let sight = (view.sight)(f64::from(pixel.0) + u, f64::from(pixel.1) + v);
             view.algorithm.trace(view.scenery, &sight, replicate as u8, &mut stream, paths);

@@ -66,6 +66,11 @@ impl Stream {
         Self { key, index, pair: 0, left: None }
     }
 
+    /// That of another sample of the same replicate, from its first number on.
+    pub const fn at(&self, index: u32) -> Self {
+        Self { key: self.key, index, pair: 0, left: None }
+    }
+
     /// The next number of [0, 1).
     pub fn next1(&mut self) -> f64 {
         self.left.take().unwrap_or_else(|| {
