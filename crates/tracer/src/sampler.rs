@@ -35,7 +35,7 @@ impl Pair {
     }
 }
 
-/// Each bit flipped by a hash of those below it [Laine & Karras 2011, with the constants of Vegdahl 2021]: Owen's scrambling of
+/// Each bit flipped by a hash of those below it [LaineKarras2011, with the constants of Vegdahl2021]: Owen's scrambling of
 /// digits that run from the last to the first.
 const fn scrambled(mut x: u32, seed: u32) -> u32 {
     x ^= x.wrapping_mul(0x3d20_adea);
