@@ -175,7 +175,7 @@ impl World {
     }
 
     /// Whether `test` says so for any instance whose boxes `keep` lets through; true too when the budget is spent.
-    fn any_instance<K: Fn(&Boxes) -> u32>(
+    pub(crate) fn any_instance<K: Fn(&Boxes) -> u32>(
         &self,
         keep: impl FnOnce(&Block) -> K,
         budget: &mut u32,
@@ -209,7 +209,7 @@ fn spend(budget: &std::cell::Cell<u32>) -> bool {
 }
 
 /// Rounding of distances from a plane through `point` to an instance's corners \[m\]; less than [`crate::Hit::error`] there.
-fn rounding(placed: &Placed, block: &Block, point: DVec3) -> f64 {
+pub(crate) fn rounding(placed: &Placed, block: &Block, point: DVec3) -> f64 {
     let reach = block.lo.abs().max(block.hi.abs()).max_element();
     4.0 * f64::EPSILON * (placed.magnitude(reach) + point.abs().max_element())
 }

@@ -20,6 +20,7 @@ use glam::{DAffine3, DMat3, DVec2, DVec3};
 use smallvec::SmallVec;
 
 use crate::accel::{Boxes, TriangleTree};
+use crate::clearance::rounding;
 use crate::world::World;
 
 /// Sectors of azimuth.
@@ -126,32 +127,28 @@ impl World {
             free: std::array::from_fn(|_| Cell::new(1.0)),
             left: Cell::new(BUDGET),
         };
-        if let Some(top) = &self.top {
-            let reach = patch.middle.abs().max_element();
-            let look = |instance: u32| self.look_over(instance, &to_patch, reach, &rising);
-            if let [only] = top.order[..] {
-                look(only);
-            } else {
-                let at = Turned::new(&(to_patch * DAffine3::from_translation(top.block.centre)), 0.0);
-                top.tree.descend(
-                    |boxes| Some(at.wanted(boxes, &rising)),
-                    |first, count| {
-                        top.order[first..first + count].iter().for_each(|i| look(*i));
-                        false
-                    },
-                );
-            }
-        }
+        let mut all = u32::MAX;
+        self.any_instance(
+            |block| {
+                let at = Turned::new(&(to_patch * DAffine3::from_translation(block.centre)), 0.0);
+                let rising = &rising;
+                move |boxes: &Boxes| at.wanted(boxes, rising)
+            },
+            &mut all,
+            |instance, _| {
+                self.look_over(instance, &to_patch, patch.middle, &rising);
+                false
+            },
+        );
         Horizon::new(rising.free.map(Cell::into_inner))
     }
 
-    fn look_over(&self, instance: u32, to_patch: &DAffine3, reach: f64, rising: &Rising) {
-        let placed = &self.placed[instance as usize];
+    fn look_over(&self, instance: usize, to_patch: &DAffine3, middle: DVec3, rising: &Rising) {
+        let placed = &self.placed[instance];
         let Some(TriangleTree { block, tree, packets }) = &self.trees[placed.mesh] else { return };
         let mesh = &self.meshes()[placed.mesh];
         let to_patch = if placed.in_place { *to_patch } else { *to_patch * placed.to_world };
-        let rounding =
-            4.0 * f64::EPSILON * (placed.magnitude(block.lo.abs().max(block.hi.abs()).max_element()) + reach);
+        let rounding = rounding(placed, block, middle);
         let at = Turned::new(&(to_patch * DAffine3::from_translation(block.centre)), rounding);
         tree.descend(
             |boxes| Some(at.wanted(boxes, rising)),
@@ -190,7 +187,7 @@ impl Turned {
                 continue;
             }
             let (middle, half) = (self.matrix * (0.5 * (lo + hi)) + self.shift, self.size * (0.5 * (hi - lo)));
-            if rising.meet(middle - half, middle + half, self.rounding, false) {
+            if !matches!(rising.met(middle - half, middle + half, self.rounding, false), Met::Done) {
                 wanted |= 1 << i;
             }
         }
@@ -278,13 +275,8 @@ impl Rising {
         self.free[sector].set(self.free[sector].get().min(free));
     }
 
-    /// Raises the horizon by a box of the patch's frame, unless it is large and may be looked into instead, which true asks for.
-    fn meet(&self, lo: DVec3, hi: DVec3, rounding: f64, last: bool) -> bool {
-        !matches!(self.seen(lo, hi, rounding, last), Met::Done)
-    }
-
-    /// The same; gives what is seen of a large box.
-    fn seen(&self, lo: DVec3, hi: DVec3, rounding: f64, last: bool) -> Met {
+    /// Raises the horizon by a box of the patch's frame, unless it is large and may be looked into instead.
+    fn met(&self, lo: DVec3, hi: DVec3, rounding: f64, last: bool) -> Met {
         if hi.z <= rounding {
             return Met::Done;
         }
@@ -316,8 +308,7 @@ impl Rising {
     /// Raises the horizon by a triangle.
     fn rise(&self, corners: [DVec3; 3], rounding: f64, splits: u32) {
         let [a, b, c] = corners;
-        let met = self.seen(a.min(b).min(c), a.max(b).max(c), rounding, splits == 0);
-        match met {
+        match self.met(a.min(b).min(c), a.max(b).max(c), rounding, splits == 0) {
             Met::Done => {}
             Met::Large(seen) if self.cos_tilt > LEVEL => {
                 for (k, slope) in seen.slopes() {

@@ -154,7 +154,11 @@ struct Gathering<'a> {
     last: [Option<(Key, usize)>; 6],
 }
 
-impl Gathering<'_> {
+impl<'a> Gathering<'a> {
+    fn new(paths: &'a Paths, by_term: bool) -> Self {
+        Self { paths, by_term, merged: Vec::new(), found: FxHashMap::default(), last: [None; 6] }
+    }
+
     /// Adds a share of a record to those of its kind.
     fn add(&mut self, record: &Record, share: f64, kind: Kind) {
         let (tag, key) = match kind {
@@ -199,8 +203,7 @@ impl PixelLight {
         let (mut changing, mut grouped) = (Vec::new(), Vec::new());
         let mut glints: Vec<Glints> = Vec::new();
         let mut bundles: Vec<(WorldDir, Vec<u32>)> = Vec::new();
-        let mut gathering =
-            Gathering { paths, by_term, merged: Vec::new(), found: FxHashMap::default(), last: [None; 6] };
+        let mut gathering = Gathering::new(paths, by_term);
         for i in records.start as u32..records.end as u32 {
             let own = record(i);
             match own.source {
@@ -432,13 +435,7 @@ mod tests {
             paths.record(i, ONE, Source::Sky { direction, seen: None }, weight, Term::SpecularSky);
         }
         let records: Vec<u32> = (0..64).collect();
-        let mut gathering = Gathering {
-            paths: &paths,
-            by_term: true,
-            merged: Vec::new(),
-            found: FxHashMap::default(),
-            last: [None; 6],
-        };
+        let mut gathering = Gathering::new(&paths, true);
         let (centre, cos_near) = patch(middle, &records, 0, &mut gathering).expect("64 records far from the horizon");
         assert!(centre.dot(middle) > 1.0 - 1e-9 && cos_near < 1.0);
         let of_merged = |merged: &Merged| match merged.kind {

@@ -382,31 +382,11 @@ impl<'a> BlockLight<'a> {
             let spectrum = paths.spectrum(record.spectrum);
             match record.source {
                 Source::Own | Source::MeanSky | Source::OpenSky { .. } | Source::Sun { .. } => {}
-                Source::Sky { direction, seen } => {
-                    // V − α, α = 1 unless something hides the sun.
-                    let share = match seen {
-                        Some((vertex, free)) => {
-                            f64::from(u8::from(free)) - f64::from(u8::from(!self.sun.shaded[vertex as usize]))
-                        }
-                        None => 1.0,
-                    };
-                    if share == 0.0 {
-                        continue;
-                    }
+                Source::Sky { .. } | Source::FreeSky { .. } => {
+                    let Some((direction, share)) = self.looks_at(&record.source) else { continue };
                     if self.lights.sky(direction, &mut work.weights, &mut work.amounts) {
                         self.lights.of_sky(lamp, self.block.nodes, &work.amounts, &mut work.lamp);
                         sums.add(replicate, term, spectrum, &work.lamp, share * record.weight);
-                    }
-                }
-                Source::FreeSky { vertex, horizon, place } => {
-                    if !self.sun.shaded[vertex as usize] {
-                        continue;
-                    }
-                    let normal = paths.vertices[vertex as usize].hit.normal;
-                    let direction = above_horizon(normal, paths.horizons.get(horizon).free(place));
-                    if self.lights.sky(direction, &mut work.weights, &mut work.amounts) {
-                        self.lights.of_sky(lamp, self.block.nodes, &work.amounts, &mut work.lamp);
-                        sums.add(replicate, term, spectrum, &work.lamp, record.weight);
                     }
                 }
                 Source::Glint { vertex, mirror, escaped, solid_angle, half_angle, law } => {
@@ -447,6 +427,24 @@ impl<'a> BlockLight<'a> {
                     }
                 }
             }
+        }
+    }
+
+    /// Where a record looks at the sky, and with what share: V − α of a vertex where there is one, α = 1 unless something hides
+    /// the sun from it. `None` where that is 0.
+    fn looks_at(&self, source: &Source) -> Option<(WorldDir, f64)> {
+        let alpha = |vertex: u32| f64::from(u8::from(!self.sun.shaded[vertex as usize]));
+        match *source {
+            Source::Sky { direction, seen: None } => Some((direction, 1.0)),
+            Source::Sky { direction, seen: Some((vertex, free)) } => {
+                Some((direction, f64::from(u8::from(free)) - alpha(vertex))).filter(|(_, share)| *share != 0.0)
+            }
+            Source::FreeSky { vertex, horizon, place } if alpha(vertex) == 0.0 => {
+                let paths = self.block.paths;
+                let normal = paths.vertices[vertex as usize].hit.normal;
+                Some((above_horizon(normal, paths.horizons.get(horizon).free(place)), 1.0))
+            }
+            _ => None,
         }
     }
 

@@ -79,9 +79,7 @@ impl View<'_> {
         let floor = facets.into_iter().chain(world.ground().map(|ground| ground.height)).fold(f64::INFINITY, f64::min);
         Lattice::new(self.sight, self.pixels, if floor.is_finite() { floor } else { f64::NEG_INFINITY })
     }
-}
 
-impl View<'_> {
     /// Makes ready to trace pixels of a block of the image: rays spread over it tell what it sees.
     fn begin(&self, block: Tile, lattice: &Lattice<'_>, paths: &mut Paths) {
         let world = &self.scenery.world;
