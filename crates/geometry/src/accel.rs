@@ -7,6 +7,7 @@
 //! ```text
 //! box       corner 1 um, origin 1 um, direction (over an extent ≤ 2m) 2 um  → grown by 6 um; t by 4 roundings
 //! triangle  corner − origin 4 um, shear ≤ 12 um → δ = 16 um; edge function 4 δ s + rounding ≤ δ s + 2δ² → 6 δ (s + δ)
+//! depth     (corner − origin)/d, |d| ≥ 1/√3: 7 um, and 3 roundings of at most 2 √3 m, 11 um → 2 δ
 //! ```
 //!
 //! with s the triangle's largest sheared coordinate. The tree is built top down by binned surface area (Wald 2007), with
@@ -541,6 +542,7 @@ pub(crate) struct TriangleRay {
     inv: f64,
     o4: [Vec4; 3],
     shear4: [Vec4; 2],
+    inv4: Vec4,
     delta: Vec4,
 }
 
@@ -562,52 +564,60 @@ impl TriangleRay {
             inv,
             o4: axes.map(|a| Vec4::splat(about[a])),
             shear4: shear.map(|s| Vec4::splat(s as f32)),
+            inv4: Vec4::splat(inv as f32),
             delta: Vec4::splat(DELTA * block.half),
         }
     }
 
-    /// A bit for each triangle of the packet that `f32` cannot prove missed.
+    /// A bit for each triangle of the packet that `f32` cannot prove missed before `t_max`.
     #[inline(always)]
-    pub fn filter(&self, packet: &Packet) -> u32 {
+    pub fn filter(&self, packet: &Packet, t_max: f32) -> u32 {
         let [x, y, z] = self.axes;
         let sheared = |c: usize| {
             let corner = &packet.corners[c];
             let cz = corner[z] - self.o4[2];
-            ((corner[x] - self.o4[0]) - self.shear4[0] * cz, (corner[y] - self.o4[1]) - self.shear4[1] * cz)
+            let place = ((corner[x] - self.o4[0]) - self.shear4[0] * cz, (corner[y] - self.o4[1]) - self.shear4[1] * cz);
+            (place.0, place.1, cz * self.inv4)
         };
-        let ((ax, ay), (bx, by), (cx, cy)) = (sheared(0), sheared(1), sheared(2));
+        let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
         let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
         let size = ax.abs().max(bx.abs()).max(cx.abs()).max(ay.abs()).max(by.abs()).max(cy.abs());
         let margin = (size + self.delta) * (self.delta * 6.0);
         let (least, most) = (u.min(v).min(w), u.max(v).max(w));
-        (least.cmpge(-margin) | most.cmple(margin)).bitmask()
+        let (near, far) = (az.min(bz).min(cz), az.max(bz).max(cz));
+        let beside = least.cmplt(-margin) & most.cmpgt(margin);
+        let behind = far.cmplt(self.delta * -2.0);
+        let beyond = near.cmpgt(Vec4::splat(t_max) + self.delta * 2.0);
+        // Lanes without a triangle compare as nothing, and are told by their least.
+        (!(beside | behind | beyond) & least.cmple(Vec4::INFINITY)).bitmask()
     }
 
-    /// Distance and barycentric weights of the hit on a triangle with unit `normal`, of either sign of distance. Edges and
-    /// corners belong to all their triangles, by edge functions that are exact negatives of each other across an edge.
+    /// Distance to the plane of a triangle with unit `normal`, of either sign, and the cosine between them.
     ///
-    /// The distance is that to the plane: its error across the plane is some roundings of |corner − origin|, where that of
-    /// the weights times the depths grows with the triangle's aspect too. Seen edge-on the depths bound it.
-    #[inline]
-    pub fn meet(&self, [a, b, c]: [DVec3; 3], normal: DVec3) -> Option<(f64, [f64; 3])> {
-        let sheared = |v: DVec3| {
+    /// Its error across the plane is some roundings of |corner − origin|, where that of the weights times the depths grows with
+    /// the triangle's aspect too. Seen edge-on the depths bound it.
+    #[inline(always)]
+    pub fn distance(&self, [a, b, c]: &[DVec3; 3], normal: DVec3) -> (f64, f64) {
+        let depth = |v: &DVec3| (v[self.axes[2]] - self.o[2]) * self.inv;
+        let (az, bz, cz) = (depth(a), depth(b), depth(c));
+        let [near, far] = [az.min(bz).min(cz), az.max(bz).max(cz)];
+        let cos = normal.dot(self.d);
+        // max and min take the other side of NaN
+        ((normal.dot(a - self.p) / cos).max(near).min(far), cos)
+    }
+
+    /// Barycentric weights, times some factor, of the point where the line of the ray meets a triangle. Edges and corners belong
+    /// to all their triangles, by edge functions that are exact negatives of each other across an edge.
+    #[inline(always)]
+    pub fn weights(&self, [a, b, c]: &[DVec3; 3]) -> Option<[f64; 3]> {
+        let sheared = |v: &DVec3| {
             let [x, y, z] = self.axes;
             let vz = v[z] - self.o[2];
-            (v[x] - self.o[0] - self.shear[0] * vz, v[y] - self.o[1] - self.shear[1] * vz, vz)
+            (v[x] - self.o[0] - self.shear[0] * vz, v[y] - self.o[1] - self.shear[1] * vz)
         };
-        let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(a), sheared(b), sheared(c));
+        let ((ax, ay), (bx, by), (cx, cy)) = (sheared(a), sheared(b), sheared(c));
         let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
-        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
-            return None;
-        }
-        let sum = u + v + w;
-        if sum == 0.0 {
-            return None;
-        }
-        let depths = [az * self.inv, bz * self.inv, cz * self.inv];
-        let [near, far] = [depths[0].min(depths[1]).min(depths[2]), depths[0].max(depths[1]).max(depths[2])];
-        let to_plane = normal.dot(a - self.p) / normal.dot(self.d);
-        // max and min take the other side of NaN
-        Some((to_plane.max(near).min(far), [u / sum, v / sum, w / sum]))
+        let beside = (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0);
+        (!beside && u + v + w != 0.0).then_some([u, v, w])
     }
 }

@@ -68,7 +68,7 @@ impl World {
             |instance, budget| {
                 let placed = &self.placed[instance];
                 let Some(TriangleTree { block, tree, packets }) = &self.trees[placed.mesh] else { return false };
-                let mesh = &self.meshes()[placed.mesh];
+                let mesh = self.mesh_of(placed);
                 // n·(M v + s) ≤ n·c in the object's frame: (Mᵀ n)·v ≤ n·(c − s)
                 let n = placed.to_world.matrix3.transpose() * normal;
                 let limit = normal.dot(centre - placed.to_world.translation);
@@ -149,7 +149,7 @@ impl World {
                 let placed = &self.placed[instance];
                 let Some(TriangleTree { block, tree, packets }) = &self.trees[placed.mesh] else { return false };
                 let Some(boxes) = shaft.boxes(Some(placed), block) else { return false };
-                let mesh = &self.meshes()[placed.mesh];
+                let mesh = self.mesh_of(placed);
                 let tolerance = rounding(placed, block, anchor);
                 let spent = std::cell::Cell::new(*budget);
                 let blocked = tree.descend(

@@ -146,7 +146,7 @@ impl World {
     fn look_over(&self, instance: usize, to_patch: &DAffine3, middle: DVec3, rising: &Rising) {
         let placed = &self.placed[instance];
         let Some(TriangleTree { block, tree, packets }) = &self.trees[placed.mesh] else { return };
-        let mesh = &self.meshes()[placed.mesh];
+        let mesh = self.mesh_of(placed);
         let to_patch = if placed.in_place { *to_patch } else { *to_patch * placed.to_world };
         let rounding = rounding(placed, block, middle);
         let at = Turned::new(&(to_patch * DAffine3::from_translation(block.centre)), rounding);

@@ -3,15 +3,20 @@
 use crate::accel::{Block, Bounds, BoxRay, MOST_ENTRIES, T_UP, Tree, TriangleRay, TriangleTree};
 use crate::clearance::OpenCache;
 use crate::facet::area_vector;
-use crate::{Facet, FacetId, GROUND_OBJECT, Hit, Instance, MaterialId, Mesh, Ray};
+use crate::{Facet, FacetId, GROUND_OBJECT, Hit, Instance, MaterialId, Mesh, MeshBuilder, Ray};
 use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 
 /// Largest coordinate of the world, and 10³ times that in an object's frame \[m\].
 pub const LARGEST_COORDINATE: f64 = 1e9;
 
-/// Instances that are looked at one by one.
+/// Placed meshes that are looked at one by one.
 const FEW: usize = 4;
+
+/// Triangles of small instances that are joined to one mesh; of one mesh's instances a quarter of that.
+const JOINED_MOST: usize = 1 << 16;
+/// The largest extent of all that is joined in that of the smallest.
+const JOINED_RATIO: f64 = 1e3;
 
 /// An endless level plane whose front looks up.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -69,7 +74,7 @@ pub enum WorldError {
     },
 }
 
-/// An instance ready for rays.
+/// A mesh where it stands, ready for rays: an instance, or several as one.
 #[derive(Clone, Debug)]
 pub(crate) struct Placed {
     pub mesh: usize,
@@ -77,7 +82,8 @@ pub(crate) struct Placed {
     pub from_world: DAffine3,
     /// Whether object and world coordinates are the same.
     pub in_place: bool,
-    pub first_facet: u32,
+    /// The instances whose facets it has, in their order.
+    parts: Vec<Part>,
     /// Row sums of |M| and of |M||M⁻¹|, at most, and the largest |translation|: for error bounds.
     stretch: f64,
     pub condition: f64,
@@ -85,6 +91,27 @@ pub(crate) struct Placed {
 }
 
 impl Placed {
+    fn new(mesh: usize, pose: DAffine3, parts: Vec<Part>) -> Self {
+        let from_world = pose.inverse();
+        let rows = |m: DMat3| (m.abs() * DVec3::ONE).max_element();
+        Self {
+            mesh,
+            to_world: pose,
+            from_world,
+            in_place: pose == DAffine3::IDENTITY,
+            parts,
+            stretch: rows(pose.matrix3),
+            condition: rows(pose.matrix3) * rows(from_world.matrix3),
+            shift: pose.translation.abs().max_element(),
+        }
+    }
+    /// The instance that a facet of the mesh is of.
+    fn part(&self, facet: u32) -> &Part {
+        match &self.parts[..] {
+            [only] => only,
+            parts => &parts[parts.partition_point(|part| part.first <= facet) - 1],
+        }
+    }
     /// Largest magnitude in sums of the pose for object coordinates up to `reach`.
     pub fn magnitude(&self, reach: f64) -> f64 {
         self.stretch * reach + self.shift
@@ -95,7 +122,25 @@ impl Placed {
     }
 }
 
-/// The tree over instances.
+/// The facets of an instance within a placed mesh.
+#[derive(Clone, Copy, Debug)]
+struct Part {
+    instance: u32,
+    /// Its first facet in the mesh, and in the world.
+    first: u32,
+    first_facet: u32,
+}
+
+/// Where an instance's facets are.
+#[derive(Clone, Copy, Debug)]
+struct Place {
+    first_facet: u32,
+    placed: u32,
+    /// Of the placed mesh.
+    first: u32,
+}
+
+/// The tree over what is placed.
 #[derive(Clone, Debug)]
 pub(crate) struct Top {
     pub block: Block,
@@ -106,9 +151,13 @@ pub(crate) struct Top {
 /// All that rays can meet.
 #[derive(Debug)]
 pub struct World {
+    /// As given, and after them what small instances make together.
     meshes: Vec<Mesh>,
+    given: usize,
     pub(crate) trees: Vec<Option<TriangleTree>>,
     instances: Vec<Instance>,
+    /// By instance.
+    places: Vec<Place>,
     pub(crate) placed: Vec<Placed>,
     pub(crate) top: Option<Top>,
     ground: Option<Ground>,
@@ -118,11 +167,12 @@ pub struct World {
 }
 
 impl World {
-    /// Checks everything, then builds a tree of triangles a mesh, and one of instances.
+    /// Checks everything, joins small instances to one mesh, so that a ray is made ready for it once, then builds a tree of
+    /// triangles a mesh, and one of what is placed.
     ///
     /// # Errors
     /// See [`WorldError`].
-    pub fn new(meshes: Vec<Mesh>, instances: Vec<Instance>, ground: Option<Ground>) -> Result<Self, WorldError> {
+    pub fn new(mut meshes: Vec<Mesh>, instances: Vec<Instance>, ground: Option<Ground>) -> Result<Self, WorldError> {
         if let Some(ground) = ground {
             let what = || "the ground".to_owned();
             if !ground.height.is_finite() {
@@ -150,9 +200,10 @@ impl World {
             }
         }
 
-        let (mut placed, mut first_facet, mut triangle_count) = (Vec::with_capacity(instances.len()), 0_u64, 0_usize);
+        let (mut first_facets, mut first_facet, mut triangle_count) = (Vec::new(), 0_u64, 0_usize);
         for i in &instances {
-            placed.push(place(i, first_facet as u32)?);
+            check_pose(i)?;
+            first_facets.push(first_facet as u32);
             first_facet += meshes[i.mesh].facet_count() as u64;
             count("facets", first_facet, u64::from(u32::MAX) - 1)?;
             triangle_count += meshes[i.mesh].triangle_count();
@@ -164,18 +215,48 @@ impl World {
                 within(lo.abs().max(hi.abs()).max_element(), LARGEST_COORDINATE, || i.name.clone())?;
             }
         }
+        let given = meshes.len();
+        let joined = joinable(&meshes, &instances, &uses, &boxes);
+        let mut placed = Vec::with_capacity(instances.len());
+        let mut places = Vec::with_capacity(instances.len());
+        let mut placed_boxes = Vec::with_capacity(instances.len());
+        let (mut together, mut parts, mut box_of_all) = (MeshBuilder::new(), Vec::new(), None);
+        for (index, (instance, first_facet)) in instances.iter().zip(&first_facets).enumerate() {
+            let part = |first| Part { instance: index as u32, first, first_facet: *first_facet };
+            if joined[instance.mesh] {
+                let first = together.facet_count() as u32;
+                places.push(Place { first_facet: *first_facet, placed: u32::MAX, first });
+                parts.push(part(first));
+                together.append(meshes[instance.mesh].clone(), &instance.pose);
+                box_of_all = around(box_of_all, boxes[index]);
+            } else {
+                places.push(Place { first_facet: *first_facet, placed: placed.len() as u32, first: 0 });
+                placed.push(Placed::new(instance.mesh, instance.pose, vec![part(0)]));
+                placed_boxes.push(boxes[index]);
+            }
+        }
+        if !parts.is_empty() {
+            let own = placed.len() as u32;
+            places.iter_mut().filter(|place| place.placed == u32::MAX).for_each(|place| place.placed = own);
+            placed.push(Placed::new(given, DAffine3::IDENTITY, parts));
+            placed_boxes.push(box_of_all);
+            meshes.push(together.finish());
+        }
+        let is_traced = |mesh: usize| mesh == given || uses[mesh] > 0 && !joined[mesh];
         let trees = meshes
             .par_iter()
-            .zip(&uses)
-            .map(|(m, &uses)| TriangleTree::build(if uses > 0 { m.triangle_count() } else { 0 }, &|t| m.triangle(t)))
+            .enumerate()
+            .map(|(i, m)| TriangleTree::build(if is_traced(i) { m.triangle_count() } else { 0 }, &|t| m.triangle(t)))
             .collect();
         Ok(Self {
-            top: Top::build(&boxes),
+            top: Top::build(&placed_boxes),
             open: OpenCache::new(first_facet as usize),
             facet_count: first_facet as usize,
             meshes,
+            given,
             trees,
             instances,
+            places,
             placed,
             ground,
             triangle_count,
@@ -221,7 +302,11 @@ impl World {
     }
     /// The meshes as given.
     pub fn meshes(&self) -> &[Mesh] {
-        &self.meshes
+        &self.meshes[..self.given]
+    }
+    /// The mesh of what is placed.
+    pub(crate) fn mesh_of(&self, placed: &Placed) -> &Mesh {
+        &self.meshes[placed.mesh]
     }
     /// The ground.
     pub const fn ground(&self) -> Option<&Ground> {
@@ -233,6 +318,8 @@ impl World {
             + self.trees.iter().flatten().map(TriangleTree::memory_bytes).sum::<usize>()
             + self.top.as_ref().map_or(0, |t| t.tree.memory_bytes() + size_of_val(&t.order[..]))
             + size_of_val(&self.placed[..])
+            + self.placed.iter().map(|p| size_of_val(&p.parts[..])).sum::<usize>()
+            + size_of_val(&self.places[..])
             + self.instances.iter().map(|i| size_of_val(i) + i.name.capacity()).sum::<usize>()
             + self.open.memory_bytes()
     }
@@ -240,12 +327,12 @@ impl World {
     /// A facet in the world. The ground has no corners, an infinite area, and is what an id beyond the last facet gets too
     /// if there is a ground.
     pub fn facet(&self, id: FacetId) -> Facet {
-        let Some((instance, index)) = self.locate(id) else {
+        let Some((placed, index)) = self.locate(id) else {
             let material = self.ground.map_or(MaterialId(0), |g| g.material);
             return Facet { corners: Vec::new(), normal: DVec3::Z, area: f64::INFINITY, material };
         };
-        let placed = &self.placed[instance];
-        let mut facet = self.meshes[placed.mesh].facet(index);
+        let placed = &self.placed[placed];
+        let mut facet = self.mesh_of(placed).facet(index);
         if !placed.in_place {
             for c in &mut facet.corners {
                 *c = placed.to_world.transform_point3(*c);
@@ -259,11 +346,13 @@ impl World {
         facet
     }
 
-    /// Instance and facet of its mesh; `None` for the ground.
+    /// Where it is placed, and the facet of that mesh; `None` for the ground.
     pub(crate) fn locate(&self, id: FacetId) -> Option<(usize, usize)> {
-        let instance = self.placed.partition_point(|p| p.first_facet <= id.0).checked_sub(1)?;
-        let index = (id.0 - self.placed[instance].first_facet) as usize;
-        (index < self.meshes[self.placed[instance].mesh].facet_count()).then_some((instance, index))
+        let instance = self.places.partition_point(|p| p.first_facet <= id.0).checked_sub(1)?;
+        let place = self.places[instance];
+        let index = id.0 - place.first_facet;
+        ((index as usize) < self.meshes[self.instances[instance].mesh].facet_count())
+            .then_some((place.placed as usize, (place.first + index) as usize))
     }
 
     /// Lowers `best` to the nearest facet if `CLOSEST`, else answers whether there is any before its `t`.
@@ -272,14 +361,14 @@ impl World {
         let (o, d) = (ray.origin, ray.direction.vec());
         let Some(top) = &self.top else { return false };
         if top.order.len() <= FEW {
-            return top.order.iter().any(|&instance| self.trace_instance::<CLOSEST>(instance, o, d, best));
+            return top.order.iter().any(|&placed| self.trace_placed::<CLOSEST>(placed, o, d, best));
         }
         let Some((enter, leave)) = top.block.clip(o, d, best.t) else { return false };
         let box_ray = BoxRay::new(o + d * enter - top.block.centre, d);
         let until = |best: &Best| ((best.t + best.tolerance).min(leave) - enter) as f32 * T_UP;
         top.tree.walk::<CLOSEST>(&box_ray, until(best), |first, count, t_max| {
-            for &instance in &top.order[first..first + count] {
-                if self.trace_instance::<CLOSEST>(instance, o, d, best) {
+            for &placed in &top.order[first..first + count] {
+                if self.trace_placed::<CLOSEST>(placed, o, d, best) {
                     return true;
                 }
             }
@@ -289,10 +378,10 @@ impl World {
     }
 
     #[inline]
-    fn trace_instance<const CLOSEST: bool>(&self, instance: u32, o: DVec3, d: DVec3, best: &mut Best) -> bool {
-        let placed = &self.placed[instance as usize];
+    fn trace_placed<const CLOSEST: bool>(&self, index: u32, o: DVec3, d: DVec3, best: &mut Best) -> bool {
+        let placed = &self.placed[index as usize];
         let Some(TriangleTree { block, tree, packets }) = &self.trees[placed.mesh] else { return false };
-        let mesh = &self.meshes[placed.mesh];
+        let mesh = self.mesh_of(placed);
         let (o, d, length) = if placed.in_place {
             (o, d, 1.0)
         } else {
@@ -307,35 +396,39 @@ impl World {
         let until = |best: &Best| (((best.t + best.tolerance).min(leave) - enter) * length) as f32 * T_UP;
         tree.walk::<CLOSEST>(&box_ray, until(best), |first, count, t_max| {
             for packet in &packets[first..first + count] {
-                let mut left = ray.filter(packet);
+                let mut left = ray.filter(packet, *t_max);
                 while left != 0 {
                     let triangle = packet.triangle[left.trailing_zeros() as usize & 3];
                     left &= left - 1;
                     let corners = mesh.triangle(triangle as usize);
                     let normal = mesh.normal(triangle, &corners);
-                    let Some((s, weights)) = ray.meet(corners, normal) else { continue };
+                    let (s, cos) = ray.distance(&corners, normal);
                     let t = enter + s / length;
                     if !(t > 0.0 && t < best.end) {
                         continue;
                     }
                     if !CLOSEST {
-                        return true;
+                        if ray.weights(&corners).is_some() {
+                            return true;
+                        }
+                        continue;
                     }
                     // Closer than this across the facet, the rounding of corners and of the ray's start would decide.
-                    let cos = normal.dot(unit);
                     let reach = block.lo.abs().max(block.hi.abs()).max_element();
                     let tolerance = 16.0 * f64::EPSILON * (reach / length + t) / cos.abs().max(1e-3);
                     if t > best.t + tolerance {
                         continue;
                     }
+                    let Some(weights) = ray.weights(&corners) else { continue };
                     let front = cos <= 0.0;
-                    let found = Found { instance, triangle, weights, front };
+                    let found = Found { placed: index, triangle, weights, front };
                     let better = match &best.found {
-                        Some(old) if t > best.t - tolerance => found.rank() < old.rank(),
+                        Some(old) if t > best.t - tolerance => self.rank(&found) < self.rank(old),
                         _ => true,
                     };
                     if better {
                         (best.t, best.tolerance, best.found) = (t, tolerance, Some(found));
+                        *t_max = until(best);
                     }
                 }
             }
@@ -344,14 +437,23 @@ impl World {
         })
     }
 
+    /// Of hits at one place the least counts.
+    fn rank(&self, found: &Found) -> (bool, u32, u32) {
+        let placed = &self.placed[found.placed as usize];
+        let part = placed.part(self.mesh_of(placed).facet_of(found.triangle));
+        (!found.front, part.instance, found.triangle)
+    }
+
     fn hit(&self, ray: &Ray, t: f64, found: &Found) -> Hit {
-        let placed = &self.placed[found.instance as usize];
-        let mesh = &self.meshes[placed.mesh];
+        let placed = &self.placed[found.placed as usize];
+        let mesh = self.mesh_of(placed);
         let corners @ [a, b, c] = mesh.triangle(found.triangle as usize);
-        let [u, v, w] = found.weights;
+        let sum = found.weights.iter().sum::<f64>();
+        let [u, v, w] = found.weights.map(|weight| weight / sum);
         let point = u * a + v * b + w * c;
         let point = if placed.in_place { point } else { placed.to_world.transform_point3(point) };
         let index = mesh.facet_of(found.triangle);
+        let part = placed.part(index);
         let normal = placed.normal(mesh.normal(found.triangle, &corners));
         // With u the unit roundoff: weights and their sum 7 u |v| [PBRT 4e, eq. 6.27]; the pose there 4 u and, for rays that
         // start here, back 4 u, each on all its terms; corner − origin and shear 5 u. In all less than 16 u of the largest
@@ -365,8 +467,8 @@ impl World {
             normal: if found.front { normal } else { -normal },
             front: found.front,
             material: mesh.material(index as usize),
-            instance: self.instances[found.instance as usize].id,
-            facet: FacetId(placed.first_facet + index),
+            instance: self.instances[part.instance as usize].id,
+            facet: FacetId(part.first_facet + (index - part.first)),
         }
         .turned(ray)
     }
@@ -394,16 +496,11 @@ struct Best {
 }
 
 struct Found {
-    instance: u32,
+    placed: u32,
     triangle: u32,
+    /// Barycentric, times some factor.
     weights: [f64; 3],
     front: bool,
-}
-
-impl Found {
-    const fn rank(&self) -> (bool, u32, u32) {
-        (!self.front, self.instance, self.triangle)
-    }
 }
 
 fn meet_ground(ground: &Ground, ray: &Ray) -> Option<f64> {
@@ -430,28 +527,53 @@ fn within(reach_m: f64, limit_m: f64, what: impl Fn() -> String) -> Result<(), W
     if reach_m > limit_m { Err(WorldError::TooLarge { what: what(), reach_m, limit_m }) } else { Ok(()) }
 }
 
-fn place(instance: &Instance, first_facet: u32) -> Result<Placed, WorldError> {
+fn check_pose(instance: &Instance) -> Result<(), WorldError> {
     let what = || instance.name.clone();
-    let to_world = instance.pose;
-    if !to_world.is_finite() {
+    if !instance.pose.is_finite() {
         return Err(WorldError::NotFinite { what: what() });
     }
-    let from_world = to_world.inverse();
-    let rows = |m: DMat3| (m.abs() * DVec3::ONE).max_element();
-    let condition = rows(to_world.matrix3) * rows(from_world.matrix3);
-    if to_world.matrix3.determinant() == 0.0 || !from_world.is_finite() || condition > 1e6 {
-        return Err(WorldError::Flattened { what: what() });
+    let placed = Placed::new(instance.mesh, instance.pose, Vec::new());
+    let is_flat = instance.pose.matrix3.determinant() == 0.0 || !placed.from_world.is_finite();
+    if is_flat || placed.condition > 1e6 { Err(WorldError::Flattened { what: what() }) } else { Ok(()) }
+}
+
+/// Which meshes are joined with all their instances: those of which all of these are small, but not so small beside the rest
+/// that the roundings of its block would count, and seen from the same side as they were made.
+fn joinable(
+    meshes: &[Mesh],
+    instances: &[Instance],
+    uses: &[usize],
+    boxes: &[Option<(DVec3, DVec3)>],
+) -> Vec<bool> {
+    let mut left = JOINED_MOST;
+    let mut joined: Vec<bool> = (meshes.iter().zip(uses))
+        .map(|(mesh, uses)| {
+            let triangles = mesh.triangle_count().saturating_mul(*uses);
+            let is_small = (1..=JOINED_MOST / 4).contains(&triangles) && triangles <= left;
+            left -= if is_small { triangles } else { 0 };
+            is_small
+        })
+        .collect();
+    let extent = |(lo, hi): (DVec3, DVec3)| (hi - lo).max_element();
+    let whole = boxes.iter().zip(instances).filter(|(_, i)| joined[i.mesh]).fold(None, |all, (own, _)| around(all, *own));
+    let least = whole.map_or(0.0, extent) / JOINED_RATIO;
+    for (instance, own) in instances.iter().zip(boxes) {
+        let is_sound = instance.pose.matrix3.determinant() > 0.0 && own.is_some_and(|own| extent(own) >= least);
+        joined[instance.mesh] &= is_sound;
     }
-    Ok(Placed {
-        mesh: instance.mesh,
-        to_world,
-        from_world,
-        in_place: to_world == DAffine3::IDENTITY,
-        first_facet,
-        stretch: rows(to_world.matrix3),
-        condition,
-        shift: to_world.translation.abs().max_element(),
-    })
+    // One alone is as well where it is.
+    if instances.iter().filter(|i| joined[i.mesh]).count() < 2 {
+        joined.fill(false);
+    }
+    joined
+}
+
+/// The box about both.
+fn around(a: Option<(DVec3, DVec3)>, b: Option<(DVec3, DVec3)>) -> Option<(DVec3, DVec3)> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
+        (one, other) => one.or(other),
+    }
 }
 
 /// Box of an instance: of its corners, or where that would cost more than the rest of the build, of its own box.
