@@ -539,12 +539,7 @@ fn check_pose(instance: &Instance) -> Result<(), WorldError> {
 
 /// Which meshes are joined with all their instances: those of which all of these are small, but not so small beside the rest
 /// that the roundings of its block would count, and seen from the same side as they were made.
-fn joinable(
-    meshes: &[Mesh],
-    instances: &[Instance],
-    uses: &[usize],
-    boxes: &[Option<(DVec3, DVec3)>],
-) -> Vec<bool> {
+fn joinable(meshes: &[Mesh], instances: &[Instance], uses: &[usize], boxes: &[Option<(DVec3, DVec3)>]) -> Vec<bool> {
     let mut left = JOINED_MOST;
     let mut joined: Vec<bool> = (meshes.iter().zip(uses))
         .map(|(mesh, uses)| {
@@ -555,7 +550,8 @@ fn joinable(
         })
         .collect();
     let extent = |(lo, hi): (DVec3, DVec3)| (hi - lo).max_element();
-    let whole = boxes.iter().zip(instances).filter(|(_, i)| joined[i.mesh]).fold(None, |all, (own, _)| around(all, *own));
+    let whole =
+        boxes.iter().zip(instances).filter(|(_, i)| joined[i.mesh]).fold(None, |all, (own, _)| around(all, *own));
     let least = whole.map_or(0.0, extent) / JOINED_RATIO;
     for (instance, own) in instances.iter().zip(boxes) {
         let is_sound = instance.pose.matrix3.determinant() > 0.0 && own.is_some_and(|own| extent(own) >= least);

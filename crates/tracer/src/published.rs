@@ -14,7 +14,7 @@ use sunglint_radiometry::WorldDir;
 use sunglint_reflectance::{AngularSpectra, Split};
 
 use crate::algorithm::{Algorithm, Lighting};
-use crate::hemisphere::{below_horizon, hemisphere_direction, open_sky_view};
+use crate::hemisphere::{above_horizon, below_horizon, hemisphere_direction, open_sky_view};
 use crate::light::Term;
 use crate::paths::{GlintLaw, ONE, Paths, Sample, Source, SpectrumId};
 use crate::sun::half_angle;
@@ -246,8 +246,8 @@ impl Algorithm for Published {
         let rays = self.with.rays;
         let points = if self.with.average_background { rays } else { 1 };
         vec![format!(
-            "F and background by {rays} cosine-weighted hemisphere ray{} a sample, {points} background point{} a sample; \
-             closed forms where nothing rises above a facet's plane",
+            "F and background by {rays} cosine-weighted ray{} a sample over what may hide the sky from the facet, {points} \
+             background point{} a sample; closed forms where nothing rises above a facet's plane",
             if rays == 1 { "" } else { "s" },
             if points == 1 { "" } else { "s" },
         )]
@@ -423,10 +423,42 @@ impl Published {
             return;
         }
         let rays = if first { self.with.rays } else { 1 };
-        let share = step.weight / f64::from(rays);
+        let normal = step.hit.normal;
+        // What lies above the horizon of the patch is free; a ray looks for the rest.
+        let horizon = first.then(|| paths.horizons.at(&scenery.world, &step.hit, step.outgoing)).flatten();
+        let parts = horizon.map(|index| {
+            let open = open_sky_view(normal);
+            let hidden = open * paths.horizons.get(index).share();
+            (index, hidden, if looks_further { 1.0 - open } else { 0.0 }, open - hidden)
+        });
+        let mut free = 0.0;
+        let mut cast = 1.0;
+        if let Some((index, hidden, below, above)) = parts {
+            (free, cast) = (above, hidden + below);
+            if free > 0.0 {
+                let source = if self.with.directional_sky {
+                    let place = paths.horizons.get(index).free(stream.next2());
+                    Source::Sky { direction: above_horizon(normal, place), seen: None }
+                } else {
+                    Source::MeanSky
+                };
+                paths.record(id, step.spectrum, source, step.weight * free, sky_term);
+            }
+        }
+        let share = step.weight * cast / f64::from(rays);
         let (mut seen, mut hits, mut point) = (0, 0, None);
-        for _ in 0..rays {
-            let direction = hemisphere_direction(&step.hit, stream);
+        for _ in 0..if cast > 0.0 { rays } else { 0 } {
+            let direction = match parts {
+                Some((index, hidden, below, _)) => {
+                    let place = stream.next2();
+                    let is_below = below > 0.0 && stream.next1() * cast >= hidden;
+                    match is_below {
+                        true => below_horizon(normal, place),
+                        false => above_horizon(normal, paths.horizons.get(index).hidden(place)),
+                    }
+                }
+                None => hemisphere_direction(&step.hit, stream),
+            };
             let ray = step.hit.leave(direction);
             paths.rays.hemisphere += 1;
             let met = if looks_further {
@@ -459,7 +491,7 @@ impl Published {
             }
         }
         if first {
-            paths.samples[id as usize].sky_view = f64::from(seen) / f64::from(rays);
+            paths.samples[id as usize].sky_view = free + cast * f64::from(seen) / f64::from(rays);
         }
         if let Some((hit, direction)) = point {
             self.background(scenery, id, step, hit, direction, share * f64::from(hits), stream, paths);

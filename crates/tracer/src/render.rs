@@ -7,7 +7,7 @@ use sunglint_geometry::{FacetId, Hit, MaterialId, Ray, SoleFacet};
 use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
 use crate::gathered::PixelLight;
-use crate::light::{Block, BlockLight, PixelRadiance, Term};
+use crate::light::{Block, BlockLight, PixelRadiance, Term, missed};
 use crate::paths::{Paths, RayCounts};
 use crate::sightline::{self, Lattice, Shares};
 use crate::{Algorithm, Lights, Nodes, Scenery, Stream};
@@ -344,7 +344,7 @@ impl Target<'_, '_> {
         let n_channels = self.view.channels.len();
         for c in 0..n_channels {
             let at = (t * n_channels + c) * self.n_pixels + index;
-            let e = estimate(&radiance.radiance[c]);
+            let e = radiance.estimate(c);
             self.result.radiance[at] = e.mean as f32;
             self.result.error[at] = e.standard_error as f32;
             if let Some(replicates) = radiance.surface.get(c) {
@@ -464,7 +464,7 @@ impl First {
                             None => {
                                 let wanted = relative * own.mean.max(floor.unwrap_or(0.01 * mean));
                                 let allowed = REPLICATES as f64 * wanted * wanted;
-                                if allowed > 0.0 { needed(own.within, own.between, allowed) } else { 1.0 }
+                                if allowed > 0.0 { needed(own, allowed) } else { 1.0 }
                             }
                         };
                         count[half] = count[half].max(needed.min(most).ceil() as u32);
@@ -483,7 +483,8 @@ impl First {
                 let r = replicates.start + r;
                 (facets[r], radiance.lit[r] > 0.5)
             });
-            Seen::new(&radiance.radiance[c][replicates.clone()], &kinds)
+            let unseen = radiance.unseen[half][c];
+            Seen { unseen, ..Seen::new(&radiance.radiance[c][replicates.clone()], &kinds) }
         };
         self.times[t].iter().zip(&self.facets).map(of_pixel).collect()
     }
@@ -491,9 +492,9 @@ impl First {
     /// The same, with no less variance than the pixels around tell.
     fn heard(&self, seen: &[Seen]) -> Vec<Seen> {
         let heard = |(i, own): (usize, &Seen)| Seen {
-            mean: own.mean,
             within: own.within.max(self.around(i, |j| seen[j].within)),
             between: own.between.max(self.around(i, |j| seen[j].between)),
+            ..*own
         };
         seen.iter().enumerate().map(heard).collect()
     }
@@ -518,6 +519,8 @@ struct Seen {
     /// Variance of one sample on a facet in the sun or in the shade, and what edges between these add to it.
     within: f64,
     between: f64,
+    /// What none of them met where a ray might be stopped; see [`missed`].
+    unseen: f64,
 }
 
 impl Seen {
@@ -537,7 +540,7 @@ impl Seen {
         }
         // As many kinds as samples: nothing can be told of either.
         let within = if n - groups >= 3.0 { (squares / (n - groups)).min(whole) } else { whole };
-        Self { mean, within, between: whole - within }
+        Self { mean, within, between: whole - within, unseen: 0.0 }
     }
 }
 
@@ -547,17 +550,19 @@ fn left(within: f64, between: f64, n: f64) -> f64 {
     within / n + between / (n * n.sqrt())
 }
 
-/// Samples a replicate that leave no more than `allowed`.
-fn needed(within: f64, between: f64, allowed: f64) -> f64 {
-    let both = |n: f64| left(within, between, n) - allowed;
-    if both(1.0) <= 0.0 {
+/// Samples a replicate that leave no more than `allowed`, stated for what may have been missed included.
+fn needed(seen: &Seen, allowed: f64) -> f64 {
+    let Seen { within, between, unseen, .. } = *seen;
+    let r = REPLICATES as f64;
+    let all = |n: f64| left(within, between, n) + r * missed(unseen, r * n) - allowed;
+    if all(1.0) <= 0.0 {
         return 1.0;
     }
-    // Between what either alone asks for and what both would if edges were no better.
-    let (mut low, mut high) = (1.0, (within + between) / allowed);
+    // Between what either alone asks for and what all would if edges were no better.
+    let (mut low, mut high) = (1.0, (within + between + unseen) / allowed);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
-        if both(middle) > 0.0 {
+        if all(middle) > 0.0 {
             low = middle;
         } else {
             high = middle;
@@ -832,7 +837,7 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
     let view = View { surface_radiance: true, ..*view };
     Lightable::new(&view, &traced, &lattice, &paths, true).light(&view.times[time], |_, lit| {
         out.lit = lit.lit_fraction();
-        out.radiance = lit.radiance.iter().map(|replicates| estimate(replicates)).collect();
+        out.radiance = (0..lit.radiance.len()).map(|c| lit.estimate(c)).collect();
         out.surface = lit.surface.iter().map(|replicates| estimate(replicates)).collect();
         out.terms = lit.terms;
         out.upwelled = lit.upwelled;
@@ -853,7 +858,7 @@ mod tests {
         assert_eq!((seen.mean, seen.within), (2.0, 0.0));
         assert!((seen.between - 8.0 / 7.0).abs() < 1e-12);
         let one = vec![None::<FacetId>; 8];
-        assert_eq!(Seen::new(&values, &one), Seen { mean: 2.0, within: 8.0 / 7.0, between: 0.0 });
+        assert_eq!(Seen::new(&values, &one), Seen { mean: 2.0, within: 8.0 / 7.0, between: 0.0, unseen: 0.0 });
         let each: Vec<Option<FacetId>> = (0..8).map(|i| Some(FacetId(i))).collect();
         assert_eq!(Seen::new(&values, &each).between, 0.0);
     }
@@ -870,10 +875,14 @@ mod tests {
 
     #[test]
     fn as_many_samples_are_needed_as_bring_the_variance_down() {
-        assert_eq!(needed(0.5, 0.4, 1.0), 1.0);
-        assert!((needed(100.0, 0.0, 1.0) - 100.0).abs() < 1e-6);
-        assert!((needed(0.0, 1000.0, 1.0) - 100.0).abs() < 1e-6);
-        let n = needed(10.0, 50.0, 1.0);
+        let needed = |within, between, unseen| needed(&Seen { mean: 1.0, within, between, unseen }, 1.0);
+        assert_eq!(needed(0.5, 0.4, 0.0), 1.0);
+        assert!((needed(100.0, 0.0, 0.0) - 100.0).abs() < 1e-6);
+        assert!((needed(0.0, 1000.0, 0.0) - 100.0).abs() < 1e-6);
+        // 12 U/((16 n + 1)(16 n + 2)) of one
+        let n = needed(0.0, 0.0, 1e4);
+        assert!((12e4 / ((16.0 * n + 1.0) * (16.0 * n + 2.0)) - 1.0).abs() < 1e-9);
+        let n = needed(10.0, 50.0, 0.0);
         assert!((10.0 / n + 50.0 / n.powf(1.5) - 1.0).abs() < 1e-9);
     }
 }

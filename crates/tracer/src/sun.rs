@@ -3,11 +3,12 @@
 use std::f64::consts::PI;
 
 use glam::DVec3;
+use sunglint_geometry::World;
 use sunglint_radiometry::{Frame, LocalDir, WorldDir};
 
 use crate::Illumination;
 use crate::light::Block;
-use crate::paths::{GlintLaw, RayCounts, Vertex};
+use crate::paths::{FacetGroup, GlintLaw, RayCounts, Vertex};
 
 /// Weight of a draw of density `own` where one of density `other` may find the same [Veach1995, power heuristic, β = 2]. In
 /// proportion to the densities themselves a wide lobe would add a thousandth of its light by one draw in a thousand that meets
@@ -63,6 +64,13 @@ impl Sun {
         let [x, y] = vertex.disk().map(|c| c * self.radius);
         self.frame.to_world(LocalDir::from_unit(DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())))
     }
+
+    /// Whether it is proved that the whole disk shines on all points of a group in a box.
+    pub fn is_whole(&self, world: &World, group: &FacetGroup, lo: DVec3, hi: DVec3) -> bool {
+        group.normal.dot(self.middle.vec()) > self.radius
+            && self.middle.cos_zenith() > self.radius
+            && world.shaft_is_clear(lo, hi, group.anchor, group.normal, self.middle, self.radius.asin())
+    }
 }
 
 /// Casts the sun rays of a block, save those that are proved unnecessary.
@@ -81,19 +89,14 @@ pub(crate) fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, Ray
         light.groups.fill(Standing::Dark);
         return (light, rays);
     };
-    let (sun, spread) = (disk.middle, disk.radius.asin());
-    let rises = sun.cos_zenith() > disk.radius;
+    let sun = disk.middle;
     for (standing, group) in light.groups.iter_mut().zip(groups) {
         let through = block.passes(group);
         let mu = group.normal.dot(sun.vec());
         if mu <= -disk.radius && !through {
             rays.sun_turned_away += group.members.len() as u64;
             *standing = Standing::Dark;
-        } else if mu > disk.radius
-            && rises
-            && group.members.len() > 2
-            && scenery.world.shaft_is_clear(group.lo, group.hi, group.anchor, group.normal, sun, spread)
-        {
+        } else if group.members.len() > 2 && disk.is_whole(&scenery.world, group, group.lo, group.hi) {
             // The whole disk shines on the facet: its irradiance is E_n cos θ_s.
             rays.sun_proved_clear += group.members.len() as u64;
             *standing = Standing::Lit(mu);
