@@ -927,10 +927,12 @@ fn what_no_sample_saw_is_stated() {
     let near = pixels(&plan.run("e", "near").expect("a run").render(), 0);
     assert!(near.iter().all(|(l, s)| (l / lit - 1.0).abs() < 1e-6 && *s == 0.0), "{near:?}");
     let rim = pixels(&plan.run("e", "rim").expect("a run").render(), 0);
-    let agree = rim.iter().filter(|(l, _)| (l / lit - 1.0).abs() < 1e-6).collect::<Vec<_>>();
+    // Over the disk cos θ varies by 0.5 %, and so do samples that agree.
+    let agree = rim.iter().filter(|(l, _)| (l / lit - 1.0).abs() < 3e-3).collect::<Vec<_>>();
     assert!(agree.len() > 4 && agree.len() < rim.len(), "{}", agree.len());
-    assert!(agree.iter().all(|(_, s)| *s == 0.0 || (s / one - 1.0).abs() < 1e-5), "{agree:?} {one}");
-    assert!(agree.iter().any(|(_, s)| *s > 0.0));
+    let is_stated = |s: f64| (s / one - 1.0).abs() < 0.01;
+    assert!(agree.iter().all(|(_, s)| *s < 1e-3 * lit || is_stated(*s)), "{agree:?} {one}");
+    assert!(agree.iter().any(|(_, s)| is_stated(*s)), "{agree:?} {one}");
 }
 
 /// The same at 64 × 48: `cargo test --release --test analytic -- --ignored at_full_size --nocapture`.

@@ -237,9 +237,7 @@ impl PixelLight {
             Source::Sun { vertex } | Source::OpenSky { unless: Some(vertex), .. } => block.of_vertices[vertex as usize],
             _ => u32::MAX,
         };
-        if !grouped.is_sorted_by_key(group_of) {
-            grouped.sort_by_key(group_of);
-        }
+        sort_by_few(&mut grouped, group_of);
         let mut runs: Vec<Run> = Vec::new();
         for own in grouped.chunk_by(|a, b| group_of(a) == group_of(b)) {
             let start = runs.last().map_or(0, |run| run.records.end);
@@ -275,6 +273,42 @@ impl PixelLight {
         };
         Self { wants, glints, merged, runs, patches, grouped, patched, changing }
     }
+}
+
+/// Keys of a pixel that are looked through for one.
+const FEW_KEYS: usize = 16;
+
+/// Sorts by a key and keeps the order of what has the same: in two passes where keys are few, as those of a pixel's facets are.
+fn sort_by_few(values: &mut Vec<u32>, key: impl Fn(&u32) -> u32) {
+    let mut keys: SmallVec<[(u32, usize); FEW_KEYS]> = SmallVec::new();
+    let mut of_values = Vec::with_capacity(values.len());
+    let mut last = 0;
+    for own in values.iter().map(&key) {
+        if keys.get(last).is_none_or(|(known, _)| *known != own) {
+            last = keys.iter().position(|(known, _)| *known == own).unwrap_or(keys.len());
+        }
+        if last == FEW_KEYS {
+            return values.sort_by_key(key);
+        }
+        if last == keys.len() {
+            keys.push((own, 0));
+        }
+        keys[last].1 += 1;
+        of_values.push(last as u8);
+    }
+    let mut order: SmallVec<[usize; FEW_KEYS]> = (0..keys.len()).collect();
+    order.sort_by_key(|i| keys[*i].0);
+    let mut start = 0;
+    for i in order {
+        start += std::mem::replace(&mut keys[i].1, start);
+    }
+    let mut sorted = vec![0; values.len()];
+    for (value, of_value) in values.iter().zip(of_values) {
+        let at = &mut keys[usize::from(of_value)].1;
+        sorted[*at] = *value;
+        *at += 1;
+    }
+    *values = sorted;
 }
 
 /// Whether two directions may lie in one bundle.
@@ -418,6 +452,18 @@ impl Adding<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn values_are_sorted_by_their_keys_and_else_keep_their_order() {
+        for keys in [1, 3, FEW_KEYS as u32, 40] {
+            let key = |value: &u32| (value * 7919 + 5) % keys;
+            let mut values: Vec<u32> = (0..300).map(|i| i * 31 % 300).collect();
+            let mut due = values.clone();
+            due.sort_by_key(key);
+            sort_by_few(&mut values, key);
+            assert_eq!(values, due, "{keys}");
+        }
+    }
     use crate::paths::{ONE, Sample};
 
     /// Σ share × L over the directions of a patch, and over the records themselves, for 64 directions that fill a rectangle of

@@ -166,7 +166,7 @@ impl<'a> Block<'a> {
         if !self.has_scatter {
             return false;
         }
-        let hit = &self.paths.vertices[group.members[0] as usize].hit;
+        let hit = &self.paths.vertices[group.first as usize].hit;
         self.scenery.surface(hit.material).bsdf.lobes().transmission
     }
 }
@@ -344,7 +344,7 @@ impl<'a> BlockLight<'a> {
         };
         for run in light.runs.iter().filter(|run| self.sun.groups[run.group as usize] == Standing::Mixed) {
             let group = &self.block.groups[run.group as usize];
-            if !paths.vertices[group.members[0] as usize].first {
+            if !paths.vertices[group.first as usize].first {
                 continue;
             }
             let mut free = [None; 2];

@@ -253,7 +253,9 @@ pub(crate) struct FacetGroup {
     pub hi: DVec3,
     pub anchor: DVec3,
     pub normal: DVec3,
-    pub members: Vec<u32>,
+    /// Its first vertex, and how many it has.
+    pub first: u32,
+    pub count: u32,
 }
 
 impl Paths {
@@ -276,7 +278,8 @@ impl Paths {
                         hi: hit.point,
                         anchor: hit.point,
                         normal: hit.normal,
-                        members: Vec::new(),
+                        first: i as u32,
+                        count: 0,
                     });
                     groups.len() - 1
                 })
@@ -285,7 +288,7 @@ impl Paths {
             let group = &mut groups[at];
             group.lo = group.lo.min(hit.point);
             group.hi = group.hi.max(hit.point);
-            group.members.push(i as u32);
+            group.count += 1;
             of_vertices.push(at as u32);
         }
         (groups, of_vertices)

@@ -94,20 +94,22 @@ pub(crate) fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, Ray
         let through = block.passes(group);
         let mu = group.normal.dot(sun.vec());
         if mu <= -disk.radius && !through {
-            rays.sun_turned_away += group.members.len() as u64;
+            rays.sun_turned_away += u64::from(group.count);
             *standing = Standing::Dark;
-        } else if group.members.len() > 2 && disk.is_whole(&scenery.world, group, group.lo, group.hi) {
+        } else if group.count > 2 && disk.is_whole(&scenery.world, group, group.lo, group.hi) {
             // The whole disk shines on the facet: its irradiance is E_n cos θ_s.
-            rays.sun_proved_clear += group.members.len() as u64;
+            rays.sun_proved_clear += u64::from(group.count);
             *standing = Standing::Lit(mu);
-            for i in &group.members {
-                (light.visible[*i as usize], light.cos[*i as usize]) = (1.0, mu);
-            }
         }
     }
     for ((i, vertex), group) in paths.vertices.iter().enumerate().zip(&block.of_vertices) {
-        if light.groups[*group as usize] != Standing::Mixed {
-            continue;
+        match light.groups[*group as usize] {
+            Standing::Dark => continue,
+            Standing::Lit(mu) => {
+                (light.visible[i], light.cos[i]) = (1.0, mu);
+                continue;
+            }
+            Standing::Mixed => {}
         }
         let direction = disk.of(vertex);
         let mu = vertex.hit.normal.dot(direction.vec());
