@@ -910,17 +910,17 @@ fn the_error_of_full_covers_the_true_one_in_95_of_100_pixels() {
 fn what_no_sample_saw_is_stated() {
     // A wall 1 m high at the north end of a narrow view that looks down; its shadow ends 1 m south of it under a sun 45° high in
     // the north, with a penumbra of 2 cm.
-    let plan = text(&format!(
-        "collect {{ sun zenith 45 deg azimuth 0 deg }}
-        atmosphere none {{ solar_irradiance 1000 W/m2/um, sky_radiance 0 W/m2/sr/um }}
-        material grey {{ ideal {{ diffuse 0.5 }} }}
-        material black {{ ideal {{ diffuse 0 }} }}
+    let plan = text(
+        "collect { sun zenith 45 deg azimuth 0 deg }
+        atmosphere none { solar_irradiance 1000 W/m2/um, sky_radiance 0 W/m2/sr/um }
+        material grey { ideal { diffuse 0.5 } }
+        material black { ideal { diffuse 0 } }
         ground grey
         facet black (-9 0 0) (9 0 0) (9 0 1) (-9 0 1) m
-        sensor near {{ position (0 -1.1 2) m, heading 0 deg, depression 90 deg, field_of_view 1 deg, pixels 8 x 8, band b 549..551 nm }}
-        sensor rim {{ position (0 -1.018 2) m, heading 0 deg, depression 90 deg, field_of_view 1 deg, pixels 8 x 8, band b 549..551 nm }}
-        experiment e {{ algorithm full, samples 64 }}\n"
-    ));
+        sensor near { position (0 -1.1 2) m, heading 0 deg, depression 90 deg, field_of_view 1 deg, pixels 8 x 8, band b 549..551 nm }
+        sensor rim { position (0 -1.018 2) m, heading 0 deg, depression 90 deg, field_of_view 1 deg, pixels 8 x 8, band b 549..551 nm }
+        experiment e { algorithm full, samples 64 }\n",
+    );
     let n = 64.0;
     let lit = 1000.0 * FRAC_1_SQRT_2 * 0.5 / PI;
     let one = lit * (0.75f64 / ((n + 1.0) * (n + 2.0))).sqrt();

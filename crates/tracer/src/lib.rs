@@ -24,6 +24,7 @@ mod sampler;
 mod scenery;
 mod sightline;
 mod sun;
+mod unseen;
 
 pub use algorithm::{Algorithm, BUILTIN, EXACT, Lighting};
 pub use band_means::BandMeans;

@@ -4,7 +4,6 @@ use std::f64::consts::PI;
 use std::ops::Range;
 use std::sync::Arc;
 
-use glam::DVec3;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 use sunglint_radiometry::{Channels, Estimate, Frame, LocalDir, REPLICATES, WorldDir, estimate};
@@ -13,10 +12,10 @@ use crate::gathered::{Glints, Kind, Patch, PixelLight, Run, Sums, term_of};
 use crate::hemisphere::above_horizon;
 use crate::lamp::{Lamp, OfKnot, Wants};
 use crate::mirrors::{Image, Thrower, mirrored};
-use crate::nodes::dot;
-use crate::paths::{FacetGroup, Paths, RayCounts, Record, Source, SpectrumId, Vertex};
+use crate::paths::{FacetGroup, Paths, RayCounts, Source, SpectrumId, Vertex};
 use crate::sightline::{Knot, Lattice, Shares};
 use crate::sun::{Standing, Sun, SunLight, combined, glint, sun_light};
+use crate::unseen::{Unseen, missed, unseen};
 use crate::{Illumination, Lighting, Lights, Nodes, Scenery, limb};
 
 /// Where a part of a pixel's radiance comes from, as `explain` names it.
@@ -84,17 +83,9 @@ pub(crate) struct PixelRadiance {
     pub upwelled: Vec<f64>,
     /// I_t per replicate: the share of its samples whose first surface the sun lights.
     pub lit: [f64; REPLICATES],
-    /// By half of the replicates and channel the sum of a², a what one sample would change if its ray to the sun or to the sky
-    /// were stopped, over the facets where a ray might be and none of that half was.
-    pub unseen: [Vec<f64>; 2],
+    /// What its samples may all have missed.
+    pub unseen: Unseen,
     samples: u32,
-}
-
-/// Variance of a mean of n samples for what they may all have missed, from the sum of the squares a² of what one would have
-/// changed: where none of n rays was stopped, the share q of those that are is (a beta distribution with Jeffreys' prior, ½ and
-/// n + ½) E\[q²\] = ¾/((n + 1)(n + 2)).
-pub(crate) fn missed(unseen: f64, n: f64) -> f64 {
-    0.75 * unseen / ((n + 1.0) * (n + 2.0))
 }
 
 impl PixelRadiance {
@@ -322,76 +313,11 @@ impl<'a> BlockLight<'a> {
             let visible = sample.vertex.map_or(0.0, |vertex| self.sun.visible[vertex as usize]);
             lit[sample.replicate as usize] += visible * each[sample.replicate as usize];
         }
-        let unseen = self.unseen(light, |cluster| &lamps[cluster].0);
+        let sun = (light, &self.sun, self.disk.as_ref());
+        let unseen = unseen(self.block, sun, |cluster| &lamps[cluster].0, &self.lights.bare().mean_sky);
         work.lamps = lamps;
         self.work = work;
         PixelRadiance { radiance, surface: leaving, terms, upwelled, lit, unseen, samples: counts.iter().sum() }
-    }
-
-    /// What may have been missed of the sun and of the sky over first surfaces; see [`PixelRadiance`].
-    fn unseen<'l>(&self, light: &PixelLight, lamp_of: impl Fn(usize) -> &'l Lamp) -> [Vec<f64>; 2] {
-        let paths = self.block.paths;
-        let mut out = [(); 2].map(|()| vec![0.0; self.block.channels.len()]);
-        let half = |record: &Record| usize::from(paths.samples[record.sample as usize].replicate) * 2 / REPLICATES;
-        let mut add = |half: usize, record: &Record, weights: &[f64], scale: f64| {
-            let (spectrum, mut start) = (paths.spectrum(record.spectrum), 0);
-            for (c, sum) in out[half].iter_mut().enumerate() {
-                let spectrum = &spectrum[self.block.nodes.of_channel(c)];
-                let value = scale * record.weight * dot(spectrum, &weights[start..]);
-                start += spectrum.len();
-                *sum += value * value;
-            }
-        };
-        for run in light.runs.iter().filter(|run| self.sun.groups[run.group as usize] == Standing::Mixed) {
-            let group = &self.block.groups[run.group as usize];
-            if !paths.vertices[group.first as usize].first {
-                continue;
-            }
-            let mut free = [None; 2];
-            let mut stopped = [false; 2];
-            let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-            for record in light.grouped[run.records.clone()].iter().map(|i| &paths.records[*i as usize]) {
-                let Source::Sun { vertex } = record.source else { continue };
-                let point = paths.vertices[vertex as usize].hit.point;
-                (lo, hi) = (lo.min(point), hi.max(point));
-                match self.sun.visible[vertex as usize] > 0.0 {
-                    true => free[half(record)] = Some((record, self.sun.cos[vertex as usize])),
-                    false => stopped[half(record)] = true,
-                }
-            }
-            let all_free = stopped == [false; 2] && free.iter().any(Option::is_some);
-            if all_free && self.disk.as_ref().is_some_and(|sun| sun.is_whole(&self.block.scenery.world, group, lo, hi))
-            {
-                continue;
-            }
-            for (half, (record, cos)) in free.into_iter().enumerate().filter_map(|(half, free)| Some((half, free?))) {
-                if !stopped[half] {
-                    let cluster = paths.samples[record.sample as usize].cluster;
-                    add(half, record, &lamp_of(cluster.into()).beam, cos.max(0.0));
-                }
-            }
-        }
-        let mut free = [None; 2];
-        let mut stopped = [false; 2];
-        for record in light.changing.iter().map(|i| &paths.records[*i as usize]) {
-            match record.source {
-                Source::Sky { seen: Some((vertex, escaped)), .. }
-                    if paths.samples[record.sample as usize].vertex == Some(vertex) =>
-                {
-                    match escaped {
-                        true => free[half(record)] = Some(record),
-                        false => stopped[half(record)] = true,
-                    }
-                }
-                _ => {}
-            }
-        }
-        for (half, record) in free.into_iter().enumerate().filter_map(|(half, free)| Some((half, free?))) {
-            if !stopped[half] {
-                add(half, record, &self.lights.bare().mean_sky, 1.0);
-            }
-        }
-        out
     }
 
     /// Adds up the records of one pixel under the lamps of its clusters.

@@ -7,9 +7,10 @@ use sunglint_geometry::{FacetId, Hit, MaterialId, Ray, SoleFacet};
 use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
 use crate::gathered::PixelLight;
-use crate::light::{Block, BlockLight, PixelRadiance, Term, missed};
+use crate::light::{Block, BlockLight, PixelRadiance, Term};
 use crate::paths::{Paths, RayCounts};
 use crate::sightline::{self, Lattice, Shares};
+use crate::unseen::missed;
 use crate::{Algorithm, Lights, Nodes, Scenery, Stream};
 
 /// Pixels along a side of a tile: the unit of resuming and of sharing work.
