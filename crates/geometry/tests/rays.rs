@@ -339,7 +339,8 @@ fn slivers_are_hit_where_they_are() {
     }
 }
 
-/// A crowd of turned, scaled and stretched objects: small boxes, panels, triangles, and one large slab.
+/// A crowd of turned, scaled and stretched objects: small boxes, panels, triangles, and one large slab. Those of odd seeds are
+/// mirrored here and there, so that they are not joined to one mesh.
 fn crowd(seed: u64, offset: DVec3, ground: bool) -> World {
     let mut random = Random(seed);
     let soup = (0..30).filter_map(|_| {
@@ -365,13 +366,53 @@ fn crowd(seed: u64, offset: DVec3, ground: bool) -> World {
                 roll: random.within(-1.0, 1.0),
                 scale: random.within(0.2, 2.0),
             };
-            let stretch = if i % 5 == 0 { DVec3::new(1.0, -0.6, 1.4) } else { DVec3::ONE };
+            let mirrored = if seed % 2 == 1 { -0.6 } else { 0.6 };
+            let stretch = if i % 5 == 0 { DVec3::new(1.0, mirrored, 1.4) } else { DVec3::ONE };
             instance((i % 3) as usize, pose.matrix() * DAffine3::from_scale(stretch), i)
         })
         .collect();
     instances.push(instance(3, DAffine3::from_translation(offset), 99));
     World::new(meshes, instances, ground.then_some(Ground { height: offset.z - 15.0, material: GRASS }))
         .expect("a world")
+}
+
+/// Whether instances are joined to one mesh or not, facets, their numbers and their objects are those of the scene.
+#[test]
+fn facets_and_objects_keep_their_numbers_in_a_joined_mesh() {
+    let meshes = vec![
+        Mesh::from_facets(box_facets(GREY, DVec3::new(2.0, 3.0, 4.0))),
+        Mesh::from_facets(box_facets(GRASS, DVec3::ONE)),
+        Mesh::from_facets(vec![panel_facets(GRASS, 1.0, 2.0, DVec3::new(1.0, 0.2, 0.4), DVec3::ZERO)]),
+    ];
+    let turned = Pose { at: DVec3::new(9.0, 1.0, 0.0), heading: 0.7, pitch: 0.2, roll: -0.4, scale: 1.5 }.matrix();
+    let mirrored = DAffine3::from_translation(DVec3::X * -9.0) * DAffine3::from_scale(DVec3::new(1.0, -1.0, 1.0));
+    let far = DAffine3::from_translation(DVec3::new(0.0, 20.0, 0.0));
+    // The second mesh has a mirrored instance and stays by itself, between two that are joined.
+    let instances = vec![
+        instance(0, DAffine3::IDENTITY, 10),
+        instance(1, mirrored, 11),
+        instance(2, far, 12),
+        instance(0, turned, 13),
+        instance(1, DAffine3::from_translation(DVec3::Y * -9.0), 14),
+    ];
+    let world = World::new(meshes.clone(), instances.clone(), None).expect("a world");
+    let mut id = 0;
+    for placed in &instances {
+        for facet in meshes[placed.mesh].facets() {
+            let found = world.facet(FacetId(id));
+            let due: Vec<DVec3> = facet.corners.iter().map(|c| placed.pose.transform_point3(*c)).collect();
+            let has = |c: &DVec3| found.corners.iter().any(|own| own.distance(*c) < 1e-12);
+            assert!(found.corners.len() == due.len() && due.iter().all(has), "facet {id}");
+            let outwards = found.centre() + 0.01 * found.normal;
+            let hit = world.closest(&Ray::new(outwards, WorldDir::new(-found.normal))).expect("the facet is hit");
+            assert_eq!((hit.facet, hit.instance, hit.front), (FacetId(id), placed.id, true));
+            assert_eq!(hit.material, facet.material);
+            assert!(hit.normal.distance(found.normal) < 1e-12 && (hit.t - 0.01).abs() < 1e-12);
+            id += 1;
+        }
+    }
+    assert_eq!(world.facet_count() as u32, id);
+    assert_eq!((world.meshes().len(), world.instances().len()), (3, 5));
 }
 
 /// All triangles of the world, each tested on its own [Moeller1997]: nearest distance, and the least distance of the ray
