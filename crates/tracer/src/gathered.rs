@@ -11,6 +11,7 @@ use crate::lamp::Wants;
 use crate::light::{Block, Term};
 use crate::nodes::dot;
 use crate::paths::{Record, Source};
+use crate::unseen::{Found, half_of};
 use crate::{Nodes, Paths};
 
 /// Records of one pixel that lie together in all but the sample: their sums by replicate.
@@ -134,6 +135,9 @@ pub(crate) struct PixelLight {
     pub merged: Vec<Merged>,
     /// Those that count one by one where the sun does not stand to all points alike.
     pub runs: Vec<Run>,
+    /// Of each half of the replicates in which all rays over first surfaces found the sky: a record of the sun there, and the share
+    /// of the sky that a ray looked for.
+    pub all_sky: [Option<(u32, f64)>; 2],
     pub patches: Vec<Patch>,
     /// Indices of the records of the runs and of the patches, and of all others that each time lights anew.
     pub grouped: Vec<u32>,
@@ -251,6 +255,14 @@ impl PixelLight {
                 gathering.add(own, 1.0, kind);
             }
         }
+        let mut looked = Found::default();
+        for i in &grouped {
+            let own = record(*i);
+            let sample = &paths.samples[own.sample as usize];
+            if matches!(own.source, Source::Sun { vertex } if sample.vertex == Some(vertex)) && sample.sky_ray != 0.0 {
+                looked.note(half_of(sample), sample.sky_ray > 0.0, (*i, sample.sky_ray));
+            }
+        }
         let (mut patches, mut patched) = (Vec::new(), Vec::new());
         for (first, own) in bundles {
             match patch(first, &own, patches.len() as u32, &mut gathering) {
@@ -271,7 +283,8 @@ impl PixelLight {
             mean_sky: wants(|kind| *kind == Kind::MeanSky),
             sky: looks_up || wants(|kind| !matches!(kind, Kind::Own | Kind::MeanSky | Kind::Sun { .. })),
         };
-        Self { wants, glints, merged, runs, patches, grouped, patched, changing }
+        let all_sky = looked.agreeing();
+        Self { wants, glints, merged, runs, all_sky, patches, grouped, patched, changing }
     }
 }
 
@@ -474,7 +487,7 @@ mod tests {
         let frame = Frame::about(middle.vec());
         for i in 0..64_u32 {
             let replicate = (i % 16) as u8;
-            paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, cluster: 0 });
+            paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, sky_ray: 0.0, cluster: 0 });
             let place = DVec2::new(4e-3, 2e-3) * (DVec2::new(f64::from(i % 8), f64::from(i / 8)) - 3.5) / 7.0;
             let direction = frame.to_world(LocalDir::from_unit(place.extend(1.0).normalize()));
             let weight = 0.5 + 0.01 * f64::from(i);

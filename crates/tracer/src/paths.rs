@@ -91,6 +91,8 @@ pub(crate) struct Sample {
     pub range: f64,
     /// Fraction of the sky seen from the target's facet, as this sample estimates it.
     pub sky_view: f64,
+    /// Share of that for which rays looked: below 0 where one met something, 0 where none was cast.
+    pub sky_ray: f64,
     /// Which of the pixel's ranges of line of sight the sample belongs to; set once the pixel is traced.
     pub cluster: u8,
 }

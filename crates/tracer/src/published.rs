@@ -256,12 +256,19 @@ impl Algorithm for Published {
     fn trace(&self, scenery: &Scenery, sight: &Ray, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
         let id = paths.samples.len() as u32;
         let Some(hit) = paths.seen(&scenery.world, sight) else {
-            paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, cluster: 0 });
+            paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, sky_ray: 0.0, cluster: 0 });
             paths.look_out(id, sight.direction);
             return;
         };
         let vertex = self.vertex(hit, true, stream, paths);
-        paths.samples.push(Sample { replicate, vertex: Some(vertex), range: hit.t, sky_view: 0.0, cluster: 0 });
+        paths.samples.push(Sample {
+            replicate,
+            vertex: Some(vertex),
+            range: hit.t,
+            sky_view: 0.0,
+            sky_ray: 0.0,
+            cluster: 0,
+        });
         let outgoing = -sight.direction;
         let step = Step { hit, outgoing, spectrum: ONE, weight: 1.0, depth: 1, by_mirror: false };
         self.target(scenery, id, vertex, &step, stream, paths);
@@ -491,7 +498,10 @@ impl Published {
             }
         }
         if first {
-            paths.samples[id as usize].sky_view = free + cast * f64::from(seen) / f64::from(rays);
+            let sample = &mut paths.samples[id as usize];
+            sample.sky_view = free + cast * f64::from(seen) / f64::from(rays);
+            // One of the rays would change so much.
+            sample.sky_ray = cast / f64::from(rays) * if seen == rays { 1.0 } else { -1.0 };
         }
         if let Some((hit, direction)) = point {
             self.background(scenery, id, step, hit, direction, share * f64::from(hits), stream, paths);

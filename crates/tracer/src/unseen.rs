@@ -8,6 +8,8 @@
 //!
 //! is its mean square about the share that was found, 0.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use sunglint_radiometry::REPLICATES;
 
@@ -15,7 +17,7 @@ use crate::gathered::PixelLight;
 use crate::lamp::Lamp;
 use crate::light::Block;
 use crate::nodes::dot;
-use crate::paths::{Record, Source};
+use crate::paths::{Record, Sample, Source};
 use crate::sun::{Standing, Sun, SunLight};
 
 /// By half of the replicates and channel the sum of a², a what one sample would change if its ray were stopped, over the facets
@@ -27,27 +29,36 @@ pub(crate) fn missed(unseen: f64, n: f64) -> f64 {
     0.75 * unseen / ((n + 1.0) * (n + 2.0))
 }
 
-/// What the rays of each half found: one record of those that were free, and whether any was stopped.
-#[derive(Default)]
-struct Found<'a> {
-    free: [Option<(&'a Record, f64)>; 2],
+/// Which half of the replicates a sample belongs to.
+pub(crate) fn half_of(sample: &Sample) -> usize {
+    usize::from(sample.replicate) * 2 / REPLICATES
+}
+
+/// What the rays of each half found: one of those that were free, and whether any was stopped.
+pub(crate) struct Found<T> {
+    free: [Option<T>; 2],
     stopped: [bool; 2],
 }
 
-impl<'a> Found<'a> {
-    /// A record, and what else it is multiplied by.
-    fn note(&mut self, half: usize, is_free: bool, record: &'a Record, scale: f64) {
+impl<T> Default for Found<T> {
+    fn default() -> Self {
+        Self { free: [None, None], stopped: [false; 2] }
+    }
+}
+
+impl<T> Found<T> {
+    pub fn note(&mut self, half: usize, is_free: bool, own: T) {
         if is_free {
-            self.free[half] = Some((record, scale));
+            self.free[half] = Some(own);
         } else {
             self.stopped[half] = true;
         }
     }
 
-    /// The halves without a stopped ray.
-    fn agreeing(self) -> impl Iterator<Item = (usize, &'a Record, f64)> {
-        let Self { free, stopped } = self;
-        (0..2).filter(move |half| !stopped[*half]).filter_map(move |half| free[half].map(|(r, scale)| (half, r, scale)))
+    /// Of each half without a stopped ray.
+    pub fn agreeing(self) -> [Option<T>; 2] {
+        let [first, second] = self.free;
+        [first.filter(|_| !self.stopped[0]), second.filter(|_| !self.stopped[1])]
     }
 }
 
@@ -61,7 +72,6 @@ pub(crate) fn unseen<'l>(
     let paths = block.paths;
     let mut out = [(); 2].map(|()| vec![0.0; block.channels.len()]);
     let sample = |record: &Record| &paths.samples[record.sample as usize];
-    let half = |record: &Record| usize::from(sample(record).replicate) * 2 / REPLICATES;
     let mut add = |half: usize, record: &Record, weights: &[f64], scale: f64| {
         let (spectrum, mut start) = (paths.spectrum(record.spectrum), 0);
         for (c, sum) in out[half].iter_mut().enumerate() {
@@ -83,27 +93,21 @@ pub(crate) fn unseen<'l>(
             let i = vertex as usize;
             let point = paths.vertices[i].hit.point;
             (lo, hi) = (lo.min(point), hi.max(point));
-            found.note(half(record), sun.visible[i] > 0.0, record, sun.cos[i].max(0.0));
+            found.note(half_of(sample(record)), sun.visible[i] > 0.0, (record, sun.cos[i].max(0.0)));
         }
         let is_proved = || disk.is_some_and(|disk| disk.is_whole(&block.scenery.world, group, lo, hi));
         if found.stopped == [false; 2] && is_proved() {
             continue;
         }
-        for (half, record, cos) in found.agreeing() {
+        for (half, free) in found.agreeing().into_iter().enumerate() {
+            let Some((record, cos)) = free else { continue };
             add(half, record, &lamp_of(sample(record).cluster.into()).beam, cos);
         }
     }
-    let mut found = Found::default();
-    for record in light.changing.iter().map(|i| &paths.records[*i as usize]) {
-        match record.source {
-            Source::Sky { seen: Some((vertex, escaped)), .. } if sample(record).vertex == Some(vertex) => {
-                found.note(half(record), escaped, record, 1.0);
-            }
-            _ => {}
-        }
-    }
-    for (half, record, scale) in found.agreeing() {
-        add(half, record, mean_sky, scale);
+    for (half, free) in light.all_sky.iter().enumerate() {
+        let Some((i, share)) = *free else { continue };
+        // A record of the sun has a factor 1/π.
+        add(half, &paths.records[i as usize], mean_sky, PI * share);
     }
     out
 }
