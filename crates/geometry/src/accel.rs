@@ -576,9 +576,8 @@ impl TriangleRay {
         let sheared = |c: usize| {
             let corner = &packet.corners[c];
             let cz = corner[z] - self.o4[2];
-            let place =
-                ((corner[x] - self.o4[0]) - self.shear4[0] * cz, (corner[y] - self.o4[1]) - self.shear4[1] * cz);
-            (place.0, place.1, cz * self.inv4)
+            let along = |axis: usize, a: usize| (corner[axis] - self.o4[a]) - self.shear4[a] * cz;
+            (along(x, 0), along(y, 1), cz * self.inv4)
         };
         let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
         let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);

@@ -6,6 +6,7 @@ use crate::facet::area_vector;
 use crate::{Facet, FacetId, GROUND_OBJECT, Hit, Instance, MaterialId, Mesh, MeshBuilder, Ray};
 use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
+use smallvec::SmallVec;
 
 /// Largest coordinate of the world, and 10³ times that in an object's frame \[m\].
 pub const LARGEST_COORDINATE: f64 = 1e9;
@@ -83,7 +84,7 @@ pub(crate) struct Placed {
     /// Whether object and world coordinates are the same.
     pub in_place: bool,
     /// The instances whose facets it has, in their order.
-    parts: Vec<Part>,
+    instances: SmallVec<[u32; 2]>,
     /// Row sums of |M| and of |M||M⁻¹|, at most, and the largest |translation|: for error bounds.
     stretch: f64,
     pub condition: f64,
@@ -91,7 +92,7 @@ pub(crate) struct Placed {
 }
 
 impl Placed {
-    fn new(mesh: usize, pose: DAffine3, parts: Vec<Part>) -> Self {
+    fn new(mesh: usize, pose: DAffine3) -> Self {
         let from_world = pose.inverse();
         let rows = |m: DMat3| (m.abs() * DVec3::ONE).max_element();
         Self {
@@ -99,17 +100,10 @@ impl Placed {
             to_world: pose,
             from_world,
             in_place: pose == DAffine3::IDENTITY,
-            parts,
+            instances: SmallVec::new(),
             stretch: rows(pose.matrix3),
             condition: rows(pose.matrix3) * rows(from_world.matrix3),
             shift: pose.translation.abs().max_element(),
-        }
-    }
-    /// The instance that a facet of the mesh is of.
-    fn part(&self, facet: u32) -> &Part {
-        match &self.parts[..] {
-            [only] => only,
-            parts => &parts[parts.partition_point(|part| part.first <= facet) - 1],
         }
     }
     /// Largest magnitude in sums of the pose for object coordinates up to `reach`.
@@ -122,22 +116,13 @@ impl Placed {
     }
 }
 
-/// The facets of an instance within a placed mesh.
-#[derive(Clone, Copy, Debug)]
-struct Part {
-    instance: u32,
-    /// Its first facet in the mesh, and in the world.
-    first: u32,
-    first_facet: u32,
-}
-
 /// Where an instance's facets are.
 #[derive(Clone, Copy, Debug)]
 struct Place {
+    /// Its first facet in the world, and in the mesh that it is placed with.
     first_facet: u32,
-    placed: u32,
-    /// Of the placed mesh.
     first: u32,
+    placed: u32,
 }
 
 /// The tree over what is placed.
@@ -200,10 +185,10 @@ impl World {
             }
         }
 
-        let (mut first_facets, mut first_facet, mut triangle_count) = (Vec::new(), 0_u64, 0_usize);
+        let (mut first_facet, mut triangle_count) = (0_u64, 0_usize);
+        let mut standing = Vec::with_capacity(instances.len());
         for i in &instances {
-            check_pose(i)?;
-            first_facets.push(first_facet as u32);
+            standing.push((stand(i)?, first_facet as u32));
             first_facet += meshes[i.mesh].facet_count() as u64;
             count("facets", first_facet, u64::from(u32::MAX) - 1)?;
             triangle_count += meshes[i.mesh].triangle_count();
@@ -220,25 +205,25 @@ impl World {
         let mut placed = Vec::with_capacity(instances.len());
         let mut places = Vec::with_capacity(instances.len());
         let mut placed_boxes = Vec::with_capacity(instances.len());
-        let (mut together, mut parts, mut box_of_all) = (MeshBuilder::new(), Vec::new(), None);
-        for (index, (instance, first_facet)) in instances.iter().zip(&first_facets).enumerate() {
-            let part = |first| Part { instance: index as u32, first, first_facet: *first_facet };
-            if joined[instance.mesh] {
-                let first = together.facet_count() as u32;
-                places.push(Place { first_facet: *first_facet, placed: u32::MAX, first });
-                parts.push(part(first));
-                together.append(meshes[instance.mesh].clone(), &instance.pose);
+        // What is joined stands last.
+        let last = instances.iter().filter(|i| !joined[i.mesh]).count() as u32;
+        let (mut together, mut all, mut box_of_all) =
+            (MeshBuilder::new(), Placed::new(given, DAffine3::IDENTITY), None);
+        for (index, (mut own, first_facet)) in standing.into_iter().enumerate() {
+            if joined[own.mesh] {
+                places.push(Place { first_facet, first: together.facet_count() as u32, placed: last });
+                all.instances.push(index as u32);
+                together.append(meshes[own.mesh].clone(), &own.to_world);
                 box_of_all = around(box_of_all, boxes[index]);
             } else {
-                places.push(Place { first_facet: *first_facet, placed: placed.len() as u32, first: 0 });
-                placed.push(Placed::new(instance.mesh, instance.pose, vec![part(0)]));
+                places.push(Place { first_facet, first: 0, placed: placed.len() as u32 });
+                own.instances.push(index as u32);
+                placed.push(own);
                 placed_boxes.push(boxes[index]);
             }
         }
-        if !parts.is_empty() {
-            let own = placed.len() as u32;
-            places.iter_mut().filter(|place| place.placed == u32::MAX).for_each(|place| place.placed = own);
-            placed.push(Placed::new(given, DAffine3::IDENTITY, parts));
+        if !all.instances.is_empty() {
+            placed.push(all);
             placed_boxes.push(box_of_all);
             meshes.push(together.finish());
         }
@@ -318,7 +303,7 @@ impl World {
             + self.trees.iter().flatten().map(TriangleTree::memory_bytes).sum::<usize>()
             + self.top.as_ref().map_or(0, |t| t.tree.memory_bytes() + size_of_val(&t.order[..]))
             + size_of_val(&self.placed[..])
-            + self.placed.iter().map(|p| size_of_val(&p.parts[..])).sum::<usize>()
+            + self.placed.iter().filter(|p| p.instances.spilled()).map(|p| size_of_val(&p.instances[..])).sum::<usize>()
             + size_of_val(&self.places[..])
             + self.instances.iter().map(|i| size_of_val(i) + i.name.capacity()).sum::<usize>()
             + self.open.memory_bytes()
@@ -440,8 +425,16 @@ impl World {
     /// Of hits at one place the least counts.
     fn rank(&self, found: &Found) -> (bool, u32, u32) {
         let placed = &self.placed[found.placed as usize];
-        let part = placed.part(self.mesh_of(placed).facet_of(found.triangle));
-        (!found.front, part.instance, found.triangle)
+        let instance = self.instance_of(placed, self.mesh_of(placed).facet_of(found.triangle));
+        (!found.front, instance, found.triangle)
+    }
+
+    /// The instance that a facet of a placed mesh is of.
+    fn instance_of(&self, placed: &Placed, facet: u32) -> u32 {
+        match placed.instances[..] {
+            [only] => only,
+            ref all => all[all.partition_point(|i| self.places[*i as usize].first <= facet) - 1],
+        }
     }
 
     fn hit(&self, ray: &Ray, t: f64, found: &Found) -> Hit {
@@ -453,7 +446,8 @@ impl World {
         let point = u * a + v * b + w * c;
         let point = if placed.in_place { point } else { placed.to_world.transform_point3(point) };
         let index = mesh.facet_of(found.triangle);
-        let part = placed.part(index);
+        let instance = self.instance_of(placed, index) as usize;
+        let Place { first_facet, first, .. } = self.places[instance];
         let normal = placed.normal(mesh.normal(found.triangle, &corners));
         // With u the unit roundoff: weights and their sum 7 u |v| [PBRT 4e, eq. 6.27]; the pose there 4 u and, for rays that
         // start here, back 4 u, each on all its terms; corner − origin and shear 5 u. In all less than 16 u of the largest
@@ -467,8 +461,8 @@ impl World {
             normal: if found.front { normal } else { -normal },
             front: found.front,
             material: mesh.material(index as usize),
-            instance: self.instances[part.instance as usize].id,
-            facet: FacetId(part.first_facet + (index - part.first)),
+            instance: self.instances[instance].id,
+            facet: FacetId(first_facet + (index - first)),
         }
         .turned(ray)
     }
@@ -527,14 +521,15 @@ fn within(reach_m: f64, limit_m: f64, what: impl Fn() -> String) -> Result<(), W
     if reach_m > limit_m { Err(WorldError::TooLarge { what: what(), reach_m, limit_m }) } else { Ok(()) }
 }
 
-fn check_pose(instance: &Instance) -> Result<(), WorldError> {
+/// An instance where it stands, once its pose is found sound.
+fn stand(instance: &Instance) -> Result<Placed, WorldError> {
     let what = || instance.name.clone();
     if !instance.pose.is_finite() {
         return Err(WorldError::NotFinite { what: what() });
     }
-    let placed = Placed::new(instance.mesh, instance.pose, Vec::new());
+    let placed = Placed::new(instance.mesh, instance.pose);
     let is_flat = instance.pose.matrix3.determinant() == 0.0 || !placed.from_world.is_finite();
-    if is_flat || placed.condition > 1e6 { Err(WorldError::Flattened { what: what() }) } else { Ok(()) }
+    if is_flat || placed.condition > 1e6 { Err(WorldError::Flattened { what: what() }) } else { Ok(placed) }
 }
 
 /// Which meshes are joined with all their instances: those of which all of these are small, but not so small beside the rest

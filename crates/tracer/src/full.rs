@@ -171,7 +171,7 @@ impl Algorithm for Full {
     fn trace(&self, scenery: &Scenery, sight: &Ray, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
         let id = paths.samples.len() as u32;
         let Some(hit) = paths.seen(&scenery.world, sight) else {
-            paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, sky_ray: 0.0, cluster: 0 });
+            paths.samples.push(Sample::new(replicate, None, 0.0, 0.0));
             if self.directional_sky || sight.direction.cos_zenith() <= 0.0 {
                 paths.look_out(id, sight.direction);
             } else {
@@ -182,14 +182,7 @@ impl Algorithm for Full {
             return;
         };
         let vertex = paths.vertices.len() as u32;
-        paths.samples.push(Sample {
-            replicate,
-            vertex: Some(vertex),
-            range: hit.t,
-            sky_view: f64::NAN,
-            sky_ray: 0.0,
-            cluster: 0,
-        });
+        paths.samples.push(Sample::new(replicate, Some(vertex), hit.t, f64::NAN));
         let past = Past { straight: true, mirrors: 0, by_lobe: false };
         let first = Step { hit, outgoing: -sight.direction, spectrum: ONE, weight: 1.0, begun: 1.0, depth: 1, past };
         let mut walk = Walk { scenery, id, room: std::mem::take(&mut paths.room) };

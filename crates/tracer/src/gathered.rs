@@ -9,7 +9,6 @@ use sunglint_radiometry::{Frame, LocalDir, REPLICATES, WorldDir};
 
 use crate::lamp::Wants;
 use crate::light::{Block, Term};
-use crate::nodes::dot;
 use crate::paths::{Record, Source};
 use crate::unseen::{Found, half_of};
 use crate::{Nodes, Paths};
@@ -260,7 +259,7 @@ impl PixelLight {
             let own = record(*i);
             let sample = &paths.samples[own.sample as usize];
             if matches!(own.source, Source::Sun { vertex } if sample.vertex == Some(vertex)) && sample.sky_ray != 0.0 {
-                looked.note(half_of(sample), sample.sky_ray > 0.0, (*i, sample.sky_ray));
+                looked.note(half_of(sample.replicate), sample.sky_ray > 0.0, (*i, sample.sky_ray));
             }
         }
         let (mut patches, mut patched) = (Vec::new(), Vec::new());
@@ -395,12 +394,10 @@ impl<'a> Sums<'a> {
             return;
         }
         let scale = scale * self.each[replicate];
-        let (nodes, mut start) = (self.nodes, 0);
+        let nodes = self.nodes;
         self.at(term, |sums| {
-            for c in 0..sums.radiance.len() {
-                let spectrum = &spectrum[nodes.of_channel(c)];
-                sums.one(c, replicate, scale * dot(spectrum, &weights[start..]));
-                start += spectrum.len();
+            for (c, product) in nodes.products(spectrum, weights).enumerate() {
+                sums.one(c, replicate, scale * product);
             }
         });
     }
@@ -487,7 +484,7 @@ mod tests {
         let frame = Frame::about(middle.vec());
         for i in 0..64_u32 {
             let replicate = (i % 16) as u8;
-            paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, sky_ray: 0.0, cluster: 0 });
+            paths.samples.push(Sample::new(replicate, None, 0.0, 0.0));
             let place = DVec2::new(4e-3, 2e-3) * (DVec2::new(f64::from(i % 8), f64::from(i / 8)) - 3.5) / 7.0;
             let direction = frame.to_world(LocalDir::from_unit(place.extend(1.0).normalize()));
             let weight = 0.5 + 0.01 * f64::from(i);

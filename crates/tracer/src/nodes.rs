@@ -144,6 +144,17 @@ impl Nodes {
         self.channels[c].nodes.clone()
     }
 
+    /// Σ_q spectrum_q weights_q of each channel, the weights of one channel's nodes after another's.
+    pub(crate) fn products<'a>(&'a self, spectrum: &'a [f64], weights: &'a [f64]) -> impl Iterator<Item = f64> + 'a {
+        let mut start = 0;
+        self.channels.iter().map(move |channel| {
+            let own = &spectrum[channel.nodes.clone()];
+            let product = dot(own, &weights[start..]);
+            start += own.len();
+            product
+        })
+    }
+
     /// A spectrum given at every grid entry, at the nodes.
     pub fn of(&self, channels: &Channels, spectrum: &[f64]) -> Vec<f64> {
         if !self.means {

@@ -141,6 +141,13 @@ impl std::ops::AddAssign for RayCounts {
     }
 }
 
+impl Sample {
+    /// One whose line of sight meets a vertex after a range, or leaves the scene.
+    pub fn new(replicate: u8, vertex: Option<u32>, range: f64, sky_view: f64) -> Self {
+        Self { replicate, vertex, range, sky_view, sky_ray: 0.0, cluster: 0 }
+    }
+}
+
 /// The paths of a block of pixels.
 pub struct Paths {
     pub(crate) samples: Vec<Sample>,

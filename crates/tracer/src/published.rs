@@ -256,19 +256,12 @@ impl Algorithm for Published {
     fn trace(&self, scenery: &Scenery, sight: &Ray, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
         let id = paths.samples.len() as u32;
         let Some(hit) = paths.seen(&scenery.world, sight) else {
-            paths.samples.push(Sample { replicate, vertex: None, range: 0.0, sky_view: 0.0, sky_ray: 0.0, cluster: 0 });
+            paths.samples.push(Sample::new(replicate, None, 0.0, 0.0));
             paths.look_out(id, sight.direction);
             return;
         };
         let vertex = self.vertex(hit, true, stream, paths);
-        paths.samples.push(Sample {
-            replicate,
-            vertex: Some(vertex),
-            range: hit.t,
-            sky_view: 0.0,
-            sky_ray: 0.0,
-            cluster: 0,
-        });
+        paths.samples.push(Sample::new(replicate, Some(vertex), hit.t, 0.0));
         let outgoing = -sight.direction;
         let step = Step { hit, outgoing, spectrum: ONE, weight: 1.0, depth: 1, by_mirror: false };
         self.target(scenery, id, vertex, &step, stream, paths);
@@ -362,6 +355,11 @@ impl Published {
         if self.with.directional_sky { (Source::OpenSky { normal, unless: None }, 1.0) } else { (Source::MeanSky, f) }
     }
 
+    /// The sky in a direction, or its mean, for which none is drawn.
+    fn sky(&self, direction: impl FnOnce() -> WorldDir) -> Source {
+        if self.with.directional_sky { Source::Sky { direction: direction(), seen: None } } else { Source::MeanSky }
+    }
+
     /// A cosine-weighted ray from a facet; its direction where it meets nothing but sky.
     fn escape(&self, scenery: &Scenery, hit: &Hit, stream: &mut Stream, paths: &mut Paths) -> Option<WorldDir> {
         let direction = hemisphere_direction(hit, stream);
@@ -399,11 +397,7 @@ impl Published {
                 }
                 None => {
                     if let Some(direction) = self.escape(scenery, &other.hit, stream, paths) {
-                        let source = if self.with.directional_sky {
-                            Source::Sky { direction, seen: None }
-                        } else {
-                            Source::MeanSky
-                        };
+                        let source = self.sky(|| direction);
                         paths.record(id, step.spectrum, source, step.weight, sky_term);
                     }
                 }
@@ -443,12 +437,7 @@ impl Published {
         if let Some((index, hidden, below, above)) = parts {
             (free, cast) = (above, hidden + below);
             if free > 0.0 {
-                let source = if self.with.directional_sky {
-                    let place = paths.horizons.get(index).free(stream.next2());
-                    Source::Sky { direction: above_horizon(normal, place), seen: None }
-                } else {
-                    Source::MeanSky
-                };
+                let source = self.sky(|| above_horizon(normal, paths.horizons.get(index).free(stream.next2())));
                 paths.record(id, step.spectrum, source, step.weight * free, sky_term);
             }
         }
@@ -486,11 +475,7 @@ impl Published {
                 None if direction.cos_zenith() > 0.0 => {
                     seen += 1;
                     if shows_sky {
-                        let source = if self.with.directional_sky {
-                            Source::Sky { direction, seen: None }
-                        } else {
-                            Source::MeanSky
-                        };
+                        let source = self.sky(|| direction);
                         paths.record(id, step.spectrum, source, share, sky_term);
                     }
                 }

@@ -10,7 +10,7 @@ use crate::gathered::PixelLight;
 use crate::light::{Block, BlockLight, PixelRadiance, Term};
 use crate::paths::{Paths, RayCounts};
 use crate::sightline::{self, Lattice, Shares};
-use crate::unseen::missed;
+use crate::unseen::{half_of, missed};
 use crate::{Algorithm, Lights, Nodes, Scenery, Stream};
 
 /// Pixels along a side of a tile: the unit of resuming and of sharing work.
@@ -373,7 +373,7 @@ fn trace_pixel(
     let key = u64::from(pixel.1) * u64::from(view.pixels.0) + u64::from(pixel.0);
     let mut counts = [0; REPLICATES];
     for (replicate, count) in counts.iter_mut().enumerate() {
-        let range = ranges[replicate * 2 / REPLICATES].clone();
+        let range = ranges[half_of(replicate as u8)].clone();
         *count = range.end.saturating_sub(range.start);
         let first = Stream::new(view.seed, view.id, key, replicate as u32, 0);
         for i in range {

@@ -16,8 +16,7 @@ use sunglint_radiometry::REPLICATES;
 use crate::gathered::PixelLight;
 use crate::lamp::Lamp;
 use crate::light::Block;
-use crate::nodes::dot;
-use crate::paths::{Record, Sample, Source};
+use crate::paths::{Record, Source};
 use crate::sun::{Standing, Sun, SunLight};
 
 /// By half of the replicates and channel the sum of a², a what one sample would change if its ray were stopped, over the facets
@@ -29,9 +28,9 @@ pub(crate) fn missed(unseen: f64, n: f64) -> f64 {
     0.75 * unseen / ((n + 1.0) * (n + 2.0))
 }
 
-/// Which half of the replicates a sample belongs to.
-pub(crate) fn half_of(sample: &Sample) -> usize {
-    usize::from(sample.replicate) * 2 / REPLICATES
+/// Which half of the replicates one belongs to.
+pub(crate) fn half_of(replicate: u8) -> usize {
+    usize::from(replicate) * 2 / REPLICATES
 }
 
 /// What the rays of each half found: one of those that were free, and whether any was stopped.
@@ -73,11 +72,9 @@ pub(crate) fn unseen<'l>(
     let mut out = [(); 2].map(|()| vec![0.0; block.channels.len()]);
     let sample = |record: &Record| &paths.samples[record.sample as usize];
     let mut add = |half: usize, record: &Record, weights: &[f64], scale: f64| {
-        let (spectrum, mut start) = (paths.spectrum(record.spectrum), 0);
-        for (c, sum) in out[half].iter_mut().enumerate() {
-            let spectrum = &spectrum[block.nodes.of_channel(c)];
-            let value = scale * record.weight * dot(spectrum, &weights[start..]);
-            start += spectrum.len();
+        let products = block.nodes.products(paths.spectrum(record.spectrum), weights);
+        for (sum, product) in out[half].iter_mut().zip(products) {
+            let value = scale * record.weight * product;
             *sum += value * value;
         }
     };
@@ -93,7 +90,7 @@ pub(crate) fn unseen<'l>(
             let i = vertex as usize;
             let point = paths.vertices[i].hit.point;
             (lo, hi) = (lo.min(point), hi.max(point));
-            found.note(half_of(sample(record)), sun.visible[i] > 0.0, (record, sun.cos[i].max(0.0)));
+            found.note(half_of(sample(record).replicate), sun.visible[i] > 0.0, (record, sun.cos[i].max(0.0)));
         }
         let is_proved = || disk.is_some_and(|disk| disk.is_whole(&block.scenery.world, group, lo, hi));
         if found.stopped == [false; 2] && is_proved() {
