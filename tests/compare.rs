@@ -297,7 +297,7 @@ fn products_come_back_as_they_were_rendered() {
 struct Silent;
 
 impl sunglint::Progress for Silent {
-    fn begin(&self, _: &sunglint::Run, _: usize) {}
+    fn begin(&self, _: &[&sunglint::Run], _: usize) {}
     fn tile(&self, _: bool, _: &sunglint::Tally) {}
     fn end(&self, _: &sunglint::Run, _: &sunglint::Rendered) {}
 }

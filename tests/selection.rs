@@ -153,3 +153,62 @@ fn a_selection_is_not_mixed_into_a_fuller_render() {
     assert!(render(&times).status.success() && std::fs::read(&radiance).expect("an image") == before);
     assert!(Path::new(out).join("ideal/roof/manifest.json").is_file());
 }
+
+/// Experiments that differ in nothing but light are lit on paths that one of them traced: each is what it is alone, to the bit,
+/// also where the other's frames are there already, and the plan and the manifests say so.
+#[test]
+fn experiments_on_the_same_paths_are_what_they_are_alone() {
+    const SCENE: &str = "glint 1\nsite { latitude 43 deg, longitude -77 deg, elevation 100 m }\n\
+        collect { at 1992-06-18 16:00 Z }\ncollect { at 1992-06-18 18:00 Z }\natmosphere spectrl2\n\
+        material grey { ideal { diffuse 0.5 } }\nmaterial glass { ideal { specular 0.8 } }\n\
+        material gloss { phong { diffuse 0.2, specular 0.2, exponent 40 } }\n\
+        ground grey\nbox gloss size (1 1 1) m\nfacet glass (-2 0.8 0) (2 0.8 0) (2 0.8 1) (-2 0.8 1) m\n\
+        sensor nadir { position (0 -6 9) m, look_at (0 0 0) m, field_of_view 20 deg, pixels 40 x 30\n\
+        band green 500..600 nm, band red 600..700 nm }\n\
+        experiment base { algorithm full { depth 3 }, samples 32 }\n\
+        experiment haze { algorithm full { depth 3, limb_darkening on }, weather { visibility 5 km }, samples 32\n\
+        products [radiance, truth, surface_radiance] }\n\
+        experiment clear { algorithm full { depth 3, adjacency off }, weather { visibility 60 km }, samples 32 }\n\
+        experiment deep { algorithm full, samples 32 }\n\
+        experiment fine { algorithm full { depth 3 }, samples 48 }\n\
+        experiment even { algorithm full { depth 3 }, error 5 % }\n";
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name).to_str().expect("UTF-8").to_string();
+    std::fs::write(at("s.glint"), SCENE).expect("a scene");
+    let render = |out: &str, only: &[&str]| {
+        let only: Vec<String> = only.iter().flat_map(|name| ["--only".into(), format!("experiment={name}")]).collect();
+        let (scene, out) = (at("s.glint"), at(out));
+        let args = ["render", &scene, "-o", &out];
+        let output = sunglint(&args.into_iter().chain(only.iter().map(String::as_str)).collect::<Vec<_>>());
+        assert!(output.status.success(), "{}", stderr(&output));
+    };
+    render("together", &[]);
+    let names = ["base", "haze", "clear", "deep", "fine", "even"];
+    names.iter().for_each(|name| render("alone", &[name]));
+    // After one of them the others are traced by themselves.
+    render("later", &["base"]);
+    render("later", &[]);
+    let manifest = |out: &str, name: &str| -> serde_json::Value {
+        let text = std::fs::read_to_string(format!("{}/{name}/nadir/manifest.json", at(out))).expect("a manifest");
+        serde_json::from_str(&text).expect("JSON")
+    };
+    for name in names {
+        for time in ["1992-06-18T160000Z", "1992-06-18T180000Z"] {
+            for file in ["radiance.img", "error.exr", "lit.exr", "../truth.exr"] {
+                let read =
+                    |out: &str| std::fs::read(format!("{}/{name}/nadir/{time}/{file}", at(out))).expect("a file");
+                assert!(read("together") == read("alone"), "{name} {time} {file}");
+                assert!(read("later") == read("alone"), "{name} {time} {file}, later");
+            }
+        }
+    }
+    let traced_with =
+        |out: &str| names.map(|name| manifest(out, name)["paths_traced_with"].as_str().map(str::to_string));
+    let other = |name: &str| Some(format!("{name}/nadir"));
+    assert_eq!(traced_with("together"), [None, other("base"), other("base"), None, None, None]);
+    assert_eq!(traced_with("later"), [None, None, other("haze"), None, None, None]);
+    assert_eq!(traced_with("alone"), [const { None }; 6]);
+    let rays = |name: &str, kind: &str| manifest("together", name)["rays"][kind].as_u64().expect("a number");
+    assert!(rays("base", "hemisphere") > 0 && rays("base", "sun") > 0);
+    assert_eq!((rays("haze", "hemisphere"), rays("haze", "camera"), rays("haze", "sun")), (0, 0, 0));
+}

@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use sunglint_geometry::Ray;
 use sunglint_radiometry::Channel;
 use sunglint_tracer::{
-    Accuracy, RayCounts, Spent, Tile, TileResult, View, Worth, render_tile, render_tile_timed, tiles,
+    Accuracy, RayCounts, Spent, Tile, TileResult, View, Worth, render_tile, render_tile_together, tiles,
 };
 
 use crate::clock::thread_seconds;
@@ -88,10 +88,19 @@ impl Run {
         self.with_view(|view| render_tile(&View { accuracy, worth: self.worth(accuracy), ..*view }, tile))
     }
 
-    /// The same, with the processor time that it took.
-    pub(crate) fn render_tile_timed(&self, tile: Tile, accuracy: Accuracy) -> (TileResult, Spent) {
-        let worth = self.worth(accuracy);
-        self.with_view(|view| render_tile_timed(&View { accuracy, worth, ..*view }, tile, &thread_seconds))
+    /// Renders one tile of this run and of others that [trace the same paths](Self::traces_as), with the processor time that each
+    /// took.
+    pub(crate) fn render_tile_with(
+        &self,
+        others: &[&Self],
+        tile: Tile,
+        accuracy: Accuracy,
+    ) -> Vec<(TileResult, Spent)> {
+        let sight = self.sight();
+        let runs = std::iter::once(self).chain(others.iter().copied());
+        let views: Vec<View<'_>> =
+            runs.map(|run| View { accuracy, worth: run.worth(accuracy), ..run.view(&sight) }).collect();
+        render_tile_together(&views, tile, &thread_seconds)
     }
 
     /// What a sample is worth, where the run asks for an error over the image and is rendered so.
@@ -102,14 +111,22 @@ impl Run {
 
     /// The run as the tracer sees it.
     pub fn with_view<T>(&self, act: impl FnOnce(&View<'_>) -> T) -> T {
-        let sight = |x: f64, y: f64| {
+        act(&self.view(&self.sight()))
+    }
+
+    /// The line of sight at image coordinates.
+    fn sight(&self) -> impl Fn(f64, f64) -> Ray + Sync + '_ {
+        |x, y| {
             let ray = self.camera.ray(x, y);
             Ray::new(ray.origin, ray.direction)
-        };
-        act(&View {
+        }
+    }
+
+    fn view<'a>(&'a self, sight: &'a (dyn Fn(f64, f64) -> Ray + Sync)) -> View<'a> {
+        View {
             scenery: &self.scenery,
             algorithm: self.algorithm.as_ref(),
-            sight: &sight,
+            sight,
             pixels: self.camera.pixels(),
             channels: &self.traced,
             nodes: &self.nodes,
@@ -119,7 +136,7 @@ impl Run {
             seed: self.seed,
             id: self.view_id,
             surface_radiance: self.products.surface_radiance || self.products.reflectance_factor,
-        })
+        }
     }
 
     /// Irradiance of the open level ground at a time, direct and diffuse, band means \[W m⁻² µm⁻¹\].

@@ -5,7 +5,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -52,9 +52,9 @@ pub enum RenderError {
 
 /// How far a render is, for progress bars.
 pub trait Progress: Sync {
-    /// A run begins, with its number of tiles.
-    fn begin(&self, run: &Run, tiles: usize);
-    /// One more tile is finished (`cached` where it had been before).
+    /// Runs of the same paths begin, with their number of tiles.
+    fn begin(&self, runs: &[&Run], tiles: usize);
+    /// One more tile of them all is finished (`cached` where it had been before).
     fn tile(&self, cached: bool, so_far: &Tally);
     /// A run ends.
     fn end(&self, run: &Run, rendered: &Rendered);
@@ -64,7 +64,7 @@ pub trait Progress: Sync {
     }
 }
 
-/// What the finished tiles of a run come to.
+/// What the finished tiles of a run, or of runs of the same paths, come to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Tally {
     /// Rays that were cast now, not those of tiles from before.
@@ -136,6 +136,8 @@ pub struct Rendered {
     pub spent: Spent,
     /// Samples a pixel that fitted into the run's `time`; `None` without one, or where nothing had changed.
     pub timed_samples: Option<u32>,
+    /// The run whose paths were lit, and whose rays and seconds theirs are; `None` where they are its own.
+    pub traced_with: Option<String>,
 }
 
 /// Renders every run of a plan beneath `out`. A run's folder holds one render: a selection is not written over one that
@@ -144,112 +146,168 @@ pub struct Rendered {
 /// # Errors
 /// Writing, a selection that does not fit what a folder holds, or the user.
 pub fn render(plan: &Plan, out: &Path, progress: &dyn Progress) -> Result<Vec<Rendered>, RenderError> {
-    plan.runs().iter().try_for_each(|run| refuse_mixing(run, &out.join(&run.experiment).join(&run.sensor)))?;
-    plan.runs()
-        .iter()
-        .map(|run| {
-            let rendered = render_run(plan, run, out, progress)?;
-            progress.end(run, &rendered);
-            Ok(rendered)
-        })
-        .collect()
+    plan.runs().iter().try_for_each(|run| refuse_mixing(run, &folder_of(run, out)))?;
+    let mut rendered = Vec::new();
+    for group in plan.traced_together() {
+        let of_group = render_group(plan, &group, out, progress)?;
+        rendered.extend(group.into_iter().zip(of_group));
+    }
+    let at = |of: &Run| plan.runs().iter().position(|run| std::ptr::eq(run, of));
+    rendered.sort_by_key(|(run, _)| at(run));
+    Ok(rendered.into_iter().map(|(_, rendered)| rendered).collect())
 }
 
 fn at(path: &Path) -> impl FnOnce(io::Error) -> RenderError + '_ {
     move |source| RenderError::Write { path: path.to_path_buf(), source }
 }
 
-fn render_run(plan: &Plan, run: &Run, out: &Path, progress: &dyn Progress) -> Result<Rendered, RenderError> {
-    let folder = out.join(&run.experiment).join(&run.sensor);
-    let manifest = folder.join("manifest.json");
-    let tiles = run.tiles();
-    progress.begin(run, tiles.len());
-    if is_up_to_date(&manifest, &folder, run) {
-        tiles.iter().for_each(|_| progress.tile(true, &Tally::default()));
-        let rays = RayCounts::default();
-        return Ok(Rendered {
-            folder,
-            frames: 0,
-            tiles_rendered: 0,
-            tiles_resumed: tiles.len(),
-            rays,
-            tally: Tally::default(),
-            seconds: (0.0, 0.0),
-            spent: Spent::default(),
-            timed_samples: None,
-        });
+fn folder_of(run: &Run, out: &Path) -> PathBuf {
+    out.join(&run.experiment).join(&run.sensor)
+}
+
+/// Renders runs of the same paths, all but those that are there already.
+fn render_group(
+    plan: &Plan,
+    group: &[&Run],
+    out: &Path,
+    progress: &dyn Progress,
+) -> Result<Vec<Rendered>, RenderError> {
+    let is_there = |run: &Run| {
+        let folder = folder_of(run, out);
+        is_up_to_date(&folder.join("manifest.json"), &folder, run)
+    };
+    let wanted: Vec<&Run> = group.iter().copied().filter(|run| !is_there(run)).collect();
+    let mut fresh =
+        (if wanted.is_empty() { Vec::new() } else { render_runs(plan, &wanted, out, progress)? }).into_iter();
+    let of_run = |run: &&Run| {
+        let rendered = match wanted.iter().any(|wanted| std::ptr::eq(*wanted, *run)) {
+            true => fresh.next().expect("one for each wanted run"),
+            false => unchanged(run, out, progress),
+        };
+        progress.end(run, &rendered);
+        rendered
+    };
+    Ok(group.iter().map(of_run).collect())
+}
+
+/// A run whose frames are there already.
+fn unchanged(run: &Run, out: &Path, progress: &dyn Progress) -> Rendered {
+    let n_tiles = run.tiles().len();
+    progress.begin(&[run], n_tiles);
+    (0..n_tiles).for_each(|_| progress.tile(true, &Tally::default()));
+    Rendered {
+        folder: folder_of(run, out),
+        frames: 0,
+        tiles_rendered: 0,
+        tiles_resumed: n_tiles,
+        rays: RayCounts::default(),
+        tally: Tally::default(),
+        seconds: (0.0, 0.0),
+        spent: Spent::default(),
+        timed_samples: None,
+        traced_with: None,
     }
+}
+
+/// What one tile of one run took.
+struct Taken {
+    rays: RayCounts,
+    spent: Spent,
+    /// It had been finished before.
+    cached: bool,
+}
+
+/// Renders runs of the same paths, tile by tile, and writes their products.
+fn render_runs(plan: &Plan, runs: &[&Run], out: &Path, progress: &dyn Progress) -> Result<Vec<Rendered>, RenderError> {
+    let run = runs[0];
+    let tiles = run.tiles();
+    progress.begin(runs, tiles.len());
     let started = Instant::now();
-    let store = TileStore::new(out, &run.key);
-    // The number is chosen once: a run that goes on after a kill takes the one of its finished tiles.
+    let stores: Vec<TileStore> = runs.iter().map(|run| TileStore::new(out, &run.key)).collect();
+    // The number is chosen once: a run that goes on after a kill takes the one of its finished tiles. No two runs share it.
     let timed_samples = match run.budget {
         Some(seconds) => {
-            let samples = store.samples().unwrap_or_else(|| run.samples_within(seconds));
-            store.save_samples(samples).map_err(at(out))?;
+            let samples = stores[0].samples().unwrap_or_else(|| run.samples_within(seconds));
+            stores[0].save_samples(samples).map_err(at(out))?;
             Some(samples)
         }
         None => None,
     };
     let accuracy = timed_samples.map_or(run.accuracy, Accuracy::Samples);
-    let resumed = AtomicU64::new(0);
-    let tally = Mutex::new(Tally::default());
-    let finished = |result: &TileResult, cached: bool| {
-        let mut tally = tally.lock().expect("no holder of this lock panics");
-        tally.add(run, result, cached);
-        progress.tile(cached, &tally);
-    };
+    // Of all runs, and of each.
+    let tallies = Mutex::new((Tally::default(), vec![Tally::default(); runs.len()]));
     let failed = AtomicBool::new(false);
-    let done: Result<Vec<(RayCounts, Spent)>, RenderError> = (tiles.par_iter().enumerate())
-        .map(|(i, tile)| {
-            if failed.load(Ordering::Relaxed) || progress.stopped() {
-                return Err(RenderError::Stopped);
+    let render_tile = |i: usize, tile: Tile| -> Result<Vec<Taken>, RenderError> {
+        if failed.load(Ordering::Relaxed) || progress.stopped() {
+            return Err(RenderError::Stopped);
+        }
+        let load = |(run, store): (&&Run, &TileStore)| store.load(i).filter(|result| fits(result, tile, run));
+        let known: Vec<Option<TileResult>> = runs.iter().zip(&stores).map(load).collect();
+        let missing: Vec<&Run> =
+            runs.iter().zip(&known).filter(|(_, known)| known.is_none()).map(|(run, _)| *run).collect();
+        let fresh = missing.split_first().map(|(first, others)| first.render_tile_with(others, tile, accuracy));
+        let mut fresh = fresh.into_iter().flatten();
+        let mut of_runs: Vec<(TileResult, Spent, bool)> = Vec::new();
+        for (store, known) in stores.iter().zip(known) {
+            if let Some(result) = known {
+                of_runs.push((result, Spent::default(), true));
+            } else if let Some((result, spent)) = fresh.next() {
+                store.save(i, &result).map_err(|source| {
+                    failed.store(true, Ordering::Relaxed);
+                    RenderError::Write { path: out.to_path_buf(), source }
+                })?;
+                of_runs.push((result, spent, false));
             }
-            if let Some(result) = store.load(i).filter(|result| fits(result, *tile, run)) {
-                resumed.fetch_add(1, Ordering::Relaxed);
-                finished(&result, true);
-                return Ok((result.rays, Spent::default()));
-            }
-            let (result, spent) = run.render_tile_timed(*tile, accuracy);
-            store.save(i, &result).map_err(|source| {
-                failed.store(true, Ordering::Relaxed);
-                RenderError::Write { path: out.to_path_buf(), source }
-            })?;
-            finished(&result, false);
-            Ok((result.rays, spent))
-        })
-        .collect();
-    let done = done?;
+        }
+        let mut tallies = tallies.lock().expect("no holder of this lock panics");
+        let (of_all, of_each) = &mut *tallies;
+        for ((run, tally), (result, _, cached)) in runs.iter().zip(of_each).zip(&of_runs) {
+            tally.add(run, result, *cached);
+            of_all.add(run, result, *cached);
+        }
+        progress.tile(missing.is_empty(), of_all);
+        Ok(of_runs.into_iter().map(|(result, spent, cached)| Taken { rays: result.rays, spent, cached }).collect())
+    };
+    let taken: Vec<Vec<Taken>> =
+        tiles.par_iter().enumerate().map(|(i, tile)| render_tile(i, *tile)).collect::<Result<_, _>>()?;
     let rendered_in = started.elapsed().as_secs_f64();
-    let (mut rays, mut spent) = (RayCounts::default(), Spent { shared: 0.0, light: vec![0.0; run.moments.len()] });
-    for (of_tile, own) in &done {
-        rays += *of_tile;
-        spent += own;
-    }
-    let writing = Instant::now();
-    let load = |i: usize| {
-        store.load(i).ok_or_else(|| RenderError::Write {
-            path: out.to_path_buf(),
-            source: io::Error::other("a finished tile has gone from the folder while it was rendered"),
-        })
+    let tallies = tallies.into_inner().expect("no holder of this lock panics").1;
+    let write = |((of_run, run), (store, tally)): ((usize, &&Run), (&TileStore, Tally))| {
+        let writing = Instant::now();
+        let load = |i: usize| {
+            store.load(i).ok_or_else(|| RenderError::Write {
+                path: out.to_path_buf(),
+                source: io::Error::other("a finished tile has gone from the folder while it was rendered"),
+            })
+        };
+        let folder = folder_of(run, out);
+        write_products(run, &folder, &tiles, &load)?;
+        let mut rendered = Rendered {
+            frames: run.moments.len(),
+            tiles_rendered: 0,
+            tiles_resumed: 0,
+            rays: RayCounts::default(),
+            tally,
+            seconds: (rendered_in, writing.elapsed().as_secs_f64()),
+            spent: Spent { shared: 0.0, light: vec![0.0; run.moments.len()] },
+            timed_samples,
+            traced_with: (of_run > 0).then(|| runs[0].full_name()),
+            folder,
+        };
+        for of_tile in &taken {
+            let Taken { rays, spent, cached } = &of_tile[of_run];
+            rendered.rays += *rays;
+            rendered.spent += spent;
+            rendered.tiles_resumed += usize::from(*cached);
+            rendered.tiles_rendered += usize::from(!cached);
+        }
+        let manifest = rendered.folder.join("manifest.json");
+        let text = format!("{:#}\n", manifest_of(plan, run, &rendered));
+        write_whole(&manifest, |file| io::Write::write_all(file, text.as_bytes())).map_err(at(&manifest))?;
+        store.remove().map_err(at(out))?;
+        Ok(rendered)
     };
-    write_products(run, &folder, &tiles, &load)?;
-    let resumed = resumed.into_inner() as usize;
-    let seconds = (rendered_in, writing.elapsed().as_secs_f64());
-    let rendered = Rendered {
-        folder: folder.clone(),
-        frames: run.moments.len(),
-        tiles_rendered: tiles.len() - resumed,
-        tiles_resumed: resumed,
-        rays,
-        tally: tally.into_inner().expect("no holder of this lock panics"),
-        seconds,
-        spent,
-        timed_samples,
-    };
-    let text = format!("{:#}\n", manifest_of(plan, run, &rendered));
-    write_whole(&manifest, |file| io::Write::write_all(file, text.as_bytes())).map_err(at(&manifest))?;
-    store.remove().map_err(at(out))?;
-    Ok(rendered)
+    runs.iter().enumerate().zip(stores.iter().zip(tallies)).map(write).collect()
 }
 
 /// Whether a selection may be written into a folder: the render that stands there, by its manifest, must hold no frame or
@@ -748,5 +806,6 @@ fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
     });
     manifest["seconds"] = seconds;
     manifest["columns_solved"] = json!(run.columns_solved);
+    manifest["paths_traced_with"] = json!(rendered.traced_with);
     manifest
 }

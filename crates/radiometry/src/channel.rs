@@ -17,7 +17,7 @@ pub struct Channel {
 }
 
 /// Response-weighted means over the grid: channel c of a spectrum S is Σᵢ w_cᵢ Sᵢ with Σᵢ w_cᵢ = 1.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Channels {
     channels: Vec<Channel>,
     /// Per channel: index of the first grid entry with weight, and the weights from there on.

@@ -120,7 +120,11 @@ fn shared(run: &Run, sharing: &Sharing) -> Vec<String> {
     .flatten()
     .collect();
     if !common.is_empty() {
-        lines.push(format!("shared: {}; paths and their light are each run's own", common.join(", ")));
+        let own = match sharing.paths_with.as_slice() {
+            [] => "paths and their light are each run's own".to_string(),
+            with => format!("paths too with {}, which adds its light alone", named(with)),
+        };
+        lines.push(format!("shared: {}; {own}", common.join(", ")));
     }
     for why in ["another geometry", "another view", "another seed"] {
         let apart: Vec<String> =
@@ -240,6 +244,7 @@ fn sharing_json(sharing: &Sharing) -> Value {
         "surfaces_with": sharing.surfaces_with,
         "air_with": sharing.air_with,
         "samples_with": sharing.samples_with,
+        "paths_with": sharing.paths_with,
         "samples_apart": apart,
     })
 }

@@ -74,11 +74,15 @@ impl Bar {
 }
 
 impl Progress for Bar {
-    fn begin(&self, run: &Run, tiles: usize) {
+    fn begin(&self, runs: &[&Run], tiles: usize) {
         self.bar.reset();
         self.bar.set_length(tiles as u64);
         self.bar.set_position(0);
-        self.bar.set_prefix(format!("{}/{}", run.experiment, run.sensor));
+        let further = match runs.len() {
+            0 | 1 => String::new(),
+            n => format!(" and {} more on its paths", n - 1),
+        };
+        self.bar.set_prefix(format!("{}{further}", runs.first().map_or_else(String::new, |run| run.full_name())));
         self.bar.set_message("");
         self.bar.enable_steady_tick(Duration::from_millis(200));
     }
@@ -95,7 +99,7 @@ impl Progress for Bar {
         if self.quiet {
             return;
         }
-        let (name, folder) = (format!("{}/{}", run.experiment, run.sensor), rendered.folder.display());
+        let (name, folder) = (run.full_name(), rendered.folder.display());
         if rendered.frames == 0 {
             note(&format!("{name}: unchanged, nothing to do ({folder})"));
             return;
@@ -110,11 +114,14 @@ impl Progress for Bar {
             0 => String::new(),
             n => format!(", {n} tiles from before"),
         };
+        let time = match &rendered.traced_with {
+            None => format!("in {:.1} s and", rendered.seconds.0),
+            Some(other) => format!("on the paths of {other},"),
+        };
         note(&format!(
-            "{name}: {} frame{} in {:.1} s and {:.1} s of writing, {:.1} million rays{samples}, ± {:.2} %{resumed} ({folder})",
+            "{name}: {} frame{} {time} {:.1} s of writing, {:.1} million rays{samples}, ± {:.2} %{resumed} ({folder})",
             rendered.frames,
             if rendered.frames == 1 { "" } else { "s" },
-            rendered.seconds.0,
             rendered.seconds.1,
             cast as f64 / 1e6,
             100.0 * rendered.tally.relative_error(),

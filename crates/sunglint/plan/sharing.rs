@@ -36,7 +36,9 @@ pub struct Sharing {
     /// Runs of the sensor that sample the same points of the same pixels: what differs between their images is no noise of
     /// what is seen.
     pub samples_with: Vec<String>,
-    /// Runs of the sensor that do not, and why.
+    /// Those of them that differ in nothing but light: their paths are traced once for all.
+    pub paths_with: Vec<String>,
+    /// Runs of the sensor that do not sample the same points, and why.
     pub samples_apart: Vec<(String, &'static str)>,
 }
 
@@ -57,8 +59,20 @@ impl Run {
             .collect()
     }
 
-    fn full_name(&self) -> String {
+    /// `experiment/sensor`.
+    pub fn full_name(&self) -> String {
         format!("{}/{}", self.experiment, self.sensor)
+    }
+
+    /// Whether both trace the same paths, sample by sample, and only their light differs. Where the noise or the clock chooses the
+    /// number of samples, each run chooses its own.
+    pub fn traces_as(&self, other: &Self) -> bool {
+        self.budget.is_none()
+            && other.budget.is_none()
+            && self.window == other.window
+            && self.grid == other.grid
+            && self.looks_as(other)
+            && self.with_view(|own| other.with_view(|other| own.traces_as(other)))
     }
 
     /// Whether both look along the same lines of sight: told by corners and middle of the image.
@@ -75,6 +89,18 @@ impl Run {
 }
 
 impl Plan {
+    /// The runs by what is traced: runs of one group [trace the same paths](Run::traces_as).
+    pub fn traced_together(&self) -> Vec<Vec<&Run>> {
+        let mut groups: Vec<Vec<&Run>> = Vec::new();
+        for run in &self.runs {
+            match groups.iter_mut().find(|group| group[0].traces_as(run)) {
+                Some(group) => group.push(run),
+                None => groups.push(vec![run]),
+            }
+        }
+        groups
+    }
+
     /// What a run shares.
     pub fn sharing(&self, run: &Run) -> Sharing {
         let others = || self.runs.iter().filter(|other| !std::ptr::eq(*other, run));
@@ -117,6 +143,7 @@ impl Plan {
             surfaces_with: with(&surfaces),
             air_with: with(&air),
             samples_with: of_sensor().filter(|other| apart(other).is_none()).map(Run::full_name).collect(),
+            paths_with: with(&|other| run.traces_as(other)),
             samples_apart: of_sensor().filter_map(|other| Some((other.full_name(), apart(other)?))).collect(),
         }
     }
@@ -138,7 +165,7 @@ mod tests {
              sensor nadir { position aloft, look_at (0 0 0) m, field_of_view 10 deg, pixels 8 x 4\n\
              band green 500..600 nm, band red 600..700 nm }\n\
              experiment base { samples 32 }\nexperiment exact { algorithm full, error 1 % }\n\
-             experiment glossy { reflectance phong }\nexperiment haze { weather { visibility 5 km } }\n\
+             experiment glossy { reflectance phong }\nexperiment haze { weather { visibility 5 km }, samples 32 }\n\
              experiment other { seed 7 }\nexperiment high { define aloft (0 0 40) m }\n\
              experiment moved { define aside (4 0 0) m }\n",
         );
@@ -150,6 +177,8 @@ mod tests {
         assert_eq!(base.geometry_with, named(&["exact", "glossy", "haze", "other", "high"]));
         assert_eq!(base.surfaces_with, named(&["exact", "haze", "other", "high"]));
         assert_eq!(base.samples_with, named(&["exact", "glossy", "haze"]));
+        assert_eq!(base.paths_with, named(&["haze"]));
+        assert_eq!(plan.traced_together().len(), plan.runs().len() - 1);
         let apart: Vec<(&str, &str)> = base.samples_apart.iter().map(|(name, why)| (name.as_str(), *why)).collect();
         assert_eq!(
             apart,

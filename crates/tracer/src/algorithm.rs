@@ -28,6 +28,9 @@ pub trait Algorithm: Send + Sync {
     /// How its paths are lit.
     fn lighting(&self) -> Lighting;
 
+    /// All on which its paths depend beside the scenery: where two algorithms answer alike, they trace the same.
+    fn traced_by(&self) -> String;
+
     /// Traces one sample along `sight` and appends it to `paths`.
     fn trace(&self, scenery: &Scenery, sight: &Ray, replicate: u8, stream: &mut Stream, paths: &mut Paths);
 

@@ -144,6 +144,11 @@ impl Algorithm for Full {
         }
     }
 
+    fn traced_by(&self) -> String {
+        let Self { depth, sun_disk, directional_sky, caustics, .. } = self;
+        format!("full {depth:?} {sun_disk} {directional_sky} {caustics}")
+    }
+
     fn skips(&self, scenery: &Scenery) -> Vec<String> {
         let mut skips = Vec::new();
         let (mirrors, normals) = scenery.mirror_counts();

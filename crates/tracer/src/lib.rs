@@ -37,7 +37,7 @@ pub use paths::{Paths, RayCounts};
 pub use published::{Approximations, IDEAL, SPLIT};
 pub use render::{
     Accuracy, PixelTerms, Spent, Tile, TileResult, View, Worth, render_pixel_terms, render_tile, render_tile_timed,
-    tiles,
+    render_tile_together, tiles,
 };
 pub use sampler::Stream;
 pub use scenery::{Scenery, Surface, spectra_of, split_at};

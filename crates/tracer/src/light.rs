@@ -2,6 +2,7 @@
 
 use std::f64::consts::PI;
 use std::ops::Range;
+use std::rc::Rc;
 use std::sync::Arc;
 
 use rustc_hash::FxHashMap;
@@ -14,7 +15,7 @@ use crate::lamp::{Lamp, OfKnot, Wants};
 use crate::mirrors::{Image, Thrower, mirrored};
 use crate::paths::{FacetGroup, Paths, RayCounts, Source, SpectrumId, Vertex};
 use crate::sightline::{Knot, Lattice, Shares};
-use crate::sun::{Standing, Sun, SunLight, combined, glint, sun_light};
+use crate::sun::{LastSun, Standing, Sun, SunLight, combined, glint};
 use crate::unseen::{Unseen, missed, unseen};
 use crate::{Illumination, Lighting, Lights, Nodes, Scenery, limb};
 
@@ -129,7 +130,6 @@ pub(crate) struct Block<'a> {
     pub paths: &'a Paths,
     pub channels: &'a Channels,
     pub nodes: &'a Nodes,
-    pub lighting: Lighting,
     /// Vertices by facet, and the group of each vertex.
     pub groups: Vec<FacetGroup>,
     pub of_vertices: Vec<u32>,
@@ -143,13 +143,12 @@ impl<'a> Block<'a> {
         scenery: &'a Scenery,
         paths: &'a Paths,
         (channels, nodes): (&'a Channels, &'a Nodes),
-        lighting: Lighting,
         lattice: &'a Lattice<'a>,
     ) -> Self {
         let (groups, of_vertices) = paths.facet_groups();
         let has_caustics = paths.records.iter().any(|record| matches!(record.source, Source::Caustic { .. }));
         let has_scatter = paths.records.iter().any(|record| matches!(record.source, Source::Scatter { .. }));
-        Self { scenery, paths, channels, nodes, lighting, groups, of_vertices, lattice, has_caustics, has_scatter }
+        Self { scenery, paths, channels, nodes, groups, of_vertices, lattice, has_caustics, has_scatter }
     }
 
     /// Whether light passes through the surface of a group.
@@ -165,10 +164,11 @@ impl<'a> Block<'a> {
 /// Lights a block for one time.
 pub(crate) struct BlockLight<'a> {
     block: &'a Block<'a>,
+    lighting: Lighting,
     lights: &'a Lights,
     time: &'a Illumination,
     disk: Option<Sun>,
-    sun: SunLight,
+    sun: Rc<SunLight>,
     /// Cosine of an angle beyond which a direction surely misses the disk.
     off_disk: f64,
     /// By group; empty where there are none.
@@ -202,14 +202,14 @@ struct Work {
 }
 
 impl<'a> BlockLight<'a> {
-    pub fn new(block: &'a Block<'a>, lights: &'a Lights) -> Self {
+    pub fn new(block: &'a Block<'a>, lighting: Lighting, lights: &'a Lights, last: &mut LastSun) -> Self {
         let time = &*lights.illumination;
-        let disk = Sun::new(time, block.lighting.sun_disk);
-        let (sun, rays) = sun_light(block, disk.as_ref());
-        let throwers = throwers(block, time);
+        let disk = Sun::new(time, lighting.sun_disk);
+        let (sun, rays) = last.light(block, disk);
+        let throwers = throwers(block, time, lighting.sun_disk);
         let off_disk = time.sun_radius.cos() - 1e-12;
         let (knots, work) = (FxHashMap::default(), Work::default());
-        Self { block, lights, time, disk, sun, off_disk, throwers, knots, rays, work }
+        Self { block, lighting, lights, time, disk, sun, off_disk, throwers, knots, rays, work }
     }
 
     /// Rays cast so far.
@@ -260,7 +260,7 @@ impl<'a> BlockLight<'a> {
             }
         }
         // Each point of a disk that darkens towards its limb has its own light.
-        let limb = self.block.lighting.sun_disk && self.block.lighting.limb_darkening;
+        let limb = self.lighting.sun_disk && self.lighting.limb_darkening;
         Alike { sun: sun.filter(|sun| !sun_differs && (*sun == 0.0 || !limb)), open: open.filter(|_| !open_differs) }
     }
 
@@ -313,7 +313,7 @@ impl<'a> BlockLight<'a> {
             let visible = sample.vertex.map_or(0.0, |vertex| self.sun.visible[vertex as usize]);
             lit[sample.replicate as usize] += visible * each[sample.replicate as usize];
         }
-        let sun = (light, &self.sun, self.disk.as_ref());
+        let sun = (light, &*self.sun, self.disk.as_ref());
         let unseen = unseen(self.block, sun, |cluster| &lamps[cluster].0, &self.lights.bare().mean_sky);
         work.lamps = lamps;
         self.work = work;
@@ -481,13 +481,13 @@ impl<'a> BlockLight<'a> {
     /// A spectrum times the disk's radiance over its mean, where the disk darkens towards its limb.
     fn darkened(&self, r: f64, spectrum: &[f64]) -> Option<Vec<f64>> {
         let wavelengths = self.block.nodes.wavelengths_um();
-        let limb = self.block.lighting.limb_darkening.then(|| limb::profile(wavelengths, r))?;
+        let limb = self.lighting.limb_darkening.then(|| limb::profile(wavelengths, r))?;
         Some(spectrum.iter().zip(limb).map(|(t, l)| t * l).collect())
     }
 
     /// The same at the point of the disk that a vertex sees.
     fn limb_of(&self, vertex: &Vertex, spectrum: &[f64]) -> Option<Vec<f64>> {
-        let Lighting { sun_disk, limb_darkening, .. } = self.block.lighting;
+        let Lighting { sun_disk, limb_darkening, .. } = self.lighting;
         if !(sun_disk && limb_darkening) {
             return None;
         }
@@ -517,7 +517,7 @@ impl<'a> BlockLight<'a> {
             work.spectrum = limb;
         }
         let drawn = 1.0 / self.time.sun_solid_angle();
-        let share = if self.block.lighting.sun_disk { combined(drawn, density) } else { 1.0 };
+        let share = if self.lighting.sun_disk { combined(drawn, density) } else { 1.0 };
         Some(self.sun.visible[i] * incident.cos().abs() * share)
     }
 
@@ -602,9 +602,9 @@ impl<'a> BlockLight<'a> {
 }
 
 /// The planar mirrors in which each group may see the sun.
-fn throwers(block: &Block<'_>, time: &Illumination) -> Vec<Vec<Thrower>> {
+fn throwers(block: &Block<'_>, time: &Illumination, sun_disk: bool) -> Vec<Vec<Thrower>> {
     let mirrors = &block.scenery.mirrors;
     let Some(sun) = time.sun.filter(|_| block.has_caustics && !mirrors.is_empty()) else { return Vec::new() };
-    let spread = if block.lighting.sun_disk { time.sun_radius } else { 0.0 };
+    let spread = if sun_disk { time.sun_radius } else { 0.0 };
     block.groups.iter().map(|group| mirrors.throwers(group.lo, group.hi, sun.vec(), spread)).collect()
 }

@@ -27,7 +27,7 @@ const ROUNDING: f64 = 1e-11;
 const MOST_FUNCTIONS: usize = 2048;
 
 /// The nodes of a set of channels.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Nodes {
     /// Grid entry of each node, and its wavelength \[µm\].
     entries: Vec<usize>,
@@ -38,7 +38,7 @@ pub struct Nodes {
     means: bool,
 }
 
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 struct OfChannel {
     nodes: Range<usize>,
     /// ℓ_q at the channel's wavelengths, one row a node.

@@ -225,6 +225,12 @@ impl Algorithm for Published {
         }
     }
 
+    fn traced_by(&self) -> String {
+        // These are said of its light.
+        let traced = Approximations { sun_disk: false, band_means: false, adjacency: false, ..self.with };
+        format!("{:?} {traced:?}", self.treatment)
+    }
+
     fn skips(&self, scenery: &Scenery) -> Vec<String> {
         let mut skips = Vec::new();
         if !scenery.has_specular() {

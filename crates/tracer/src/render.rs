@@ -10,6 +10,7 @@ use crate::gathered::PixelLight;
 use crate::light::{Block, BlockLight, PixelRadiance, Term};
 use crate::paths::{Paths, RayCounts};
 use crate::sightline::{self, Lattice, Shares};
+use crate::sun::LastSun;
 use crate::unseen::{half_of, missed};
 use crate::{Algorithm, Lights, Nodes, Scenery, Stream};
 
@@ -73,6 +74,18 @@ pub struct View<'a> {
 }
 
 impl View<'_> {
+    /// Whether its paths are another's, sample by sample, where both look along the same lines of sight: the two differ in
+    /// nothing but light. Not where the noise chooses the number of samples, which is each view's own.
+    pub fn traces_as(&self, other: &View<'_>) -> bool {
+        matches!(self.accuracy, Accuracy::Samples(_))
+            && self.accuracy == other.accuracy
+            && (self.seed, self.id, self.pixels) == (other.seed, other.id, other.pixels)
+            && self.scenery.is(other.scenery)
+            && self.channels == other.channels
+            && self.nodes == other.nodes
+            && self.algorithm.traced_by() == other.algorithm.traced_by()
+    }
+
     /// Where its lines of sight are solved.
     fn lattice(&self) -> Lattice<'_> {
         let world = &self.scenery.world;
@@ -219,29 +232,32 @@ pub fn render_tile(view: &View<'_>, tile: Tile) -> TileResult {
 
 /// The same, with the seconds of a clock that it took. What it renders does not depend on the clock.
 pub fn render_tile_timed(view: &View<'_>, tile: Tile, clock: &dyn Fn() -> f64) -> (TileResult, Spent) {
-    let begun = clock();
-    let mut watch = Watch { clock, ..Watch::still(view.times.len()) };
-    let result = render_tile_watched(view, tile, &mut watch);
-    let light = watch.light;
-    let shared = clock() - begun - light.iter().sum::<f64>();
-    (result, Spent { shared: shared.max(0.0), light })
+    render_tile_together(std::slice::from_ref(view), tile, clock).pop().expect("a result for each view")
 }
 
-fn render_tile_watched(view: &View<'_>, tile: Tile, watch: &mut Watch<'_>) -> TileResult {
+/// Renders a tile of views that look along the same lines of sight and [trace the same paths](View::traces_as), each at all
+/// its times: what each yields is what it yields alone. Rays of the paths and the seconds that all share are the first view's.
+pub fn render_tile_together(views: &[View<'_>], tile: Tile, clock: &dyn Fn() -> f64) -> Vec<(TileResult, Spent)> {
+    let begun = clock();
     let n_pixels = (tile.width * tile.height) as usize;
-    let (n_times, n_channels) = (view.times.len(), view.channels.len());
-    let mut result = TileResult {
-        radiance: vec![0.0; n_times * n_channels * n_pixels],
-        error: vec![0.0; n_times * n_channels * n_pixels],
-        surface: vec![0.0; if view.surface_radiance { n_times * n_channels * n_pixels } else { 0 }],
-        lit: vec![0.0; n_times * n_pixels],
-        truth: vec![0.0; TileResult::TRUTH_MAPS * n_pixels],
-        samples: vec![0.0; n_pixels],
-        rays: RayCounts::default(),
+    let of_view = |view: &View<'_>| {
+        let (n_times, n_channels) = (view.times.len(), view.channels.len());
+        let result = TileResult {
+            radiance: vec![0.0; n_times * n_channels * n_pixels],
+            error: vec![0.0; n_times * n_channels * n_pixels],
+            surface: vec![0.0; if view.surface_radiance { n_times * n_channels * n_pixels } else { 0 }],
+            lit: vec![0.0; n_times * n_pixels],
+            truth: vec![0.0; TileResult::TRUTH_MAPS * n_pixels],
+            samples: vec![0.0; n_pixels],
+            rays: RayCounts::default(),
+        };
+        (result, Watch { clock, ..Watch::still(n_times) })
     };
+    let mut out: Vec<(TileResult, Watch<'_>)> = views.iter().map(of_view).collect();
+    let Some(view) = views.first() else { return Vec::new() };
     let mut paths = Paths::new(view.nodes.len());
     let lattice = view.lattice();
-    let mut target = Target { view, lattice: &lattice, n_pixels, result: &mut result, watch };
+    let mut target = Target { views, lattice: &lattice, n_pixels, out: &mut out };
     for by in (0..tile.height).step_by(BLOCK as usize) {
         for bx in (0..tile.width).step_by(BLOCK as usize) {
             let rows = by..(by + BLOCK).min(tile.height);
@@ -256,7 +272,9 @@ fn render_tile_watched(view: &View<'_>, tile: Tile, watch: &mut Watch<'_>) -> Ti
                     target.render(tile, &block, &mut paths, |_| [0..each, 0..each], None);
                 }
                 Accuracy::Error { .. } => {
-                    let first = First::of_block(view, &lattice, tile, &block, &mut paths, target.watch);
+                    debug_assert_eq!(views.len(), 1, "each view chooses its own number of samples");
+                    let watch = &mut target.out[0].1;
+                    let first = First::of_block(view, &lattice, tile, &block, &mut paths, watch);
                     let counts = first.counts(view);
                     let more = |i: usize| counts[i].map(|n: u32| 1..n);
                     target.render(tile, &block, &mut paths, more, Some(&first));
@@ -264,22 +282,33 @@ fn render_tile_watched(view: &View<'_>, tile: Tile, watch: &mut Watch<'_>) -> Ti
             }
         }
     }
-    result.rays += paths.rays;
-    result
+    if let Some(((first, _), others)) = out.split_first_mut() {
+        first.rays += paths.rays;
+        for (other, _) in others {
+            other.truth.clone_from(&first.truth);
+            other.samples.clone_from(&first.samples);
+        }
+    }
+    let light: f64 = out.iter().flat_map(|(_, watch)| &watch.light).sum();
+    let mut shared = (clock() - begun - light).max(0.0);
+    out.into_iter()
+        .map(|(result, watch)| (result, Spent { shared: std::mem::take(&mut shared), light: watch.light }))
+        .collect()
 }
 
 /// Where the pixels of a tile go.
 struct Target<'a, 'w> {
-    view: &'a View<'a>,
+    /// Views of the same paths.
+    views: &'a [View<'a>],
     lattice: &'a Lattice<'a>,
     n_pixels: usize,
-    result: &'a mut TileResult,
-    watch: &'a mut Watch<'w>,
+    /// By view.
+    out: &'a mut [(TileResult, Watch<'w>)],
 }
 
 impl Target<'_, '_> {
-    /// Traces `samples` of each pixel of a block, lights them at every time, joins them with the first samples where there are
-    /// some, and writes the pixels.
+    /// Traces `samples` of each pixel of a block, lights them at every time of every view, joins them with the first samples
+    /// where there are some, and writes the pixels.
     fn render(
         &mut self,
         tile: Tile,
@@ -289,25 +318,26 @@ impl Target<'_, '_> {
         first: Option<&First>,
     ) {
         let mut pending = Vec::new();
+        let view = &self.views[0];
         for (i, &(x, y)) in block.iter().enumerate() {
             let index = (y * tile.width + x) as usize;
             let pixel = (tile.x + x, tile.y + y);
             let ranges = samples(i);
             let n = n_samples(&ranges);
             let before = first.map_or(0, |_| REPLICATES as u32);
-            self.result.samples[index] = (n + before) as f32;
+            self.out[0].0.samples[index] = (n + before) as f32;
             let mut sky_view = first.map_or(0.0, |first| first.sky_views[i]);
             if n > 0 {
-                let traced = trace_pixel(self.view, pixel, i, ranges, paths);
+                let traced = trace_pixel(view, pixel, i, ranges, paths);
                 let own = mean_sky_view(paths, &traced);
                 sky_view = (sky_view * f64::from(before) + own * f64::from(n)) / f64::from(before + n);
                 pending.push(traced);
             } else if let Some(first) = first {
                 for (t, of_time) in first.times.iter().enumerate() {
-                    self.write(t, index, &of_time[i]);
+                    self.write(0, t, index, &of_time[i]);
                 }
             }
-            truth_of_pixel(self.view, pixel, index, self.n_pixels, sky_view, paths, self.result);
+            truth_of_pixel(view, pixel, index, self.n_pixels, sky_view, paths, &mut self.out[0].0);
             if paths.size() > PATHS_LIMIT {
                 self.light(tile, block, &mut pending, paths, first);
             }
@@ -324,35 +354,42 @@ impl Target<'_, '_> {
         paths: &mut Paths,
         first: Option<&First>,
     ) {
-        let lightable = Lightable::new(self.view, pending, self.lattice, paths, false);
-        for (t, time) in self.view.times.iter().enumerate() {
-            let begun = (self.watch.clock)();
-            let rays = lightable.light(time, |pixel, mut radiance| {
-                let (x, y) = block[pixel.index];
-                if let Some(first) = first {
-                    radiance.join(&first.times[t][pixel.index], &pixel.counts);
-                }
-                self.write(t, (y * tile.width + x) as usize, &radiance);
-            });
-            self.watch.add(t, begun);
-            self.result.rays += rays;
+        let lightable = Lightable::new(&self.views[0], pending, self.lattice, paths, false);
+        let mut last = LastSun::default();
+        // Side by side, times of several views may have one sun.
+        for t in 0..self.views.iter().map(|view| view.times.len()).max().unwrap_or(0) {
+            for (v, view) in self.views.iter().enumerate() {
+                let Some(time) = view.times.get(t) else { continue };
+                let begun = (self.out[v].1.clock)();
+                let rays = lightable.light(view, time, &mut last, |pixel, mut radiance| {
+                    let (x, y) = block[pixel.index];
+                    if let Some(first) = first {
+                        radiance.join(&first.times[t][pixel.index], &pixel.counts);
+                    }
+                    self.write(v, t, (y * tile.width + x) as usize, &radiance);
+                });
+                let (result, watch) = &mut self.out[v];
+                watch.add(t, begun);
+                result.rays += rays;
+            }
         }
         pending.clear();
         paths.clear();
     }
 
-    fn write(&mut self, t: usize, index: usize, radiance: &PixelRadiance) {
-        let n_channels = self.view.channels.len();
+    fn write(&mut self, v: usize, t: usize, index: usize, radiance: &PixelRadiance) {
+        let n_channels = self.views[v].channels.len();
+        let result = &mut self.out[v].0;
         for c in 0..n_channels {
             let at = (t * n_channels + c) * self.n_pixels + index;
             let e = radiance.estimate(c);
-            self.result.radiance[at] = e.mean as f32;
-            self.result.error[at] = e.standard_error as f32;
+            result.radiance[at] = e.mean as f32;
+            result.error[at] = e.standard_error as f32;
             if let Some(replicates) = radiance.surface.get(c) {
-                self.result.surface[at] = estimate(replicates).mean as f32;
+                result.surface[at] = estimate(replicates).mean as f32;
             }
         }
-        self.result.lit[t * self.n_pixels + index] = radiance.lit_fraction() as f32;
+        result.lit[t * self.n_pixels + index] = radiance.lit_fraction() as f32;
     }
 }
 
@@ -429,11 +466,12 @@ impl First {
         let sky_views = traced.iter().map(|pixel| mean_sky_view(paths, pixel)).collect();
         let lightable = Lightable::new(view, &traced, lattice, paths, false);
         let mut rays = RayCounts::default();
+        let mut last = LastSun::default();
         let times = (view.times.iter().enumerate())
             .map(|(t, time)| {
                 let begun = (watch.clock)();
                 let mut of_time = Vec::with_capacity(traced.len());
-                rays += lightable.light(time, |_, radiance| of_time.push(radiance));
+                rays += lightable.light(view, time, &mut last, |_, radiance| of_time.push(radiance));
                 watch.add(t, begun);
                 of_time
             })
@@ -702,11 +740,10 @@ fn mean_sky_view(paths: &Paths, pixel: &PixelPaths) -> f64 {
     samples.iter().map(|sample| sample.sky_view).sum::<f64>() / samples.len() as f64
 }
 
-/// Traced pixels with all that their times share.
+/// Traced pixels with all that their times and views share.
 struct Lightable<'a> {
     block: Block<'a>,
     pixels: Vec<(&'a PixelPaths, PixelLight, Vec<Option<Shares>>)>,
-    surface: bool,
     by_term: bool,
 }
 
@@ -718,8 +755,7 @@ impl<'a> Lightable<'a> {
         paths: &'a Paths,
         by_term: bool,
     ) -> Self {
-        let lighting = view.algorithm.lighting();
-        let block = Block::new(view.scenery, paths, (view.channels, view.nodes), lighting, lattice);
+        let block = Block::new(view.scenery, paths, (view.channels, view.nodes), lattice);
         let shares = |pixel: &PixelPaths| {
             let of_path = |path: &Path| lattice.shares(pixel.middle, path.length);
             pixel.sights.iter().map(|sight| sight.as_ref().map(of_path)).collect()
@@ -727,16 +763,22 @@ impl<'a> Lightable<'a> {
         let pixels = (pixels.iter())
             .map(|pixel| (pixel, PixelLight::new(&block, pixel.records.clone(), by_term), shares(pixel)))
             .collect();
-        Self { block, pixels, surface: view.surface_radiance, by_term }
+        Self { block, pixels, by_term }
     }
 
-    /// Lights the pixels at one time and hands each to `each`.
-    fn light(&self, time: &Lights, mut each: impl FnMut(&PixelPaths, PixelRadiance)) -> RayCounts {
-        let mut light = BlockLight::new(&self.block, time);
+    /// Lights the pixels at one time of a view and hands each to `each`.
+    fn light(
+        &self,
+        view: &View<'_>,
+        time: &Lights,
+        last: &mut LastSun,
+        mut each: impl FnMut(&PixelPaths, PixelRadiance),
+    ) -> RayCounts {
+        let mut light = BlockLight::new(&self.block, view.algorithm.lighting(), time, last);
         for (pixel, records, sights) in &self.pixels {
             let samples = pixel.samples.clone();
             let counts = &pixel.counts;
-            each(pixel, light.pixel(records, samples, counts, sights, self.surface, self.by_term));
+            each(pixel, light.pixel(records, samples, counts, sights, view.surface_radiance, self.by_term));
         }
         light.rays()
     }
@@ -836,7 +878,8 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         samples: n_taken,
     };
     let view = View { surface_radiance: true, ..*view };
-    Lightable::new(&view, &traced, &lattice, &paths, true).light(&view.times[time], |_, lit| {
+    let lightable = Lightable::new(&view, &traced, &lattice, &paths, true);
+    lightable.light(&view, &view.times[time], &mut LastSun::default(), |_, lit| {
         out.lit = lit.lit_fraction();
         out.radiance = (0..lit.radiance.len()).map(|c| lit.estimate(c)).collect();
         out.surface = lit.surface.iter().map(|replicates| estimate(replicates)).collect();

@@ -138,6 +138,19 @@ impl Scenery {
         Self { world, surfaces, mirrors }
     }
 
+    /// Whether it is another: one world, and the same models bound to the same materials.
+    pub(crate) fn is(&self, other: &Self) -> bool {
+        let same = |pair: (&Option<Surface>, &Option<Surface>)| match pair {
+            (Some(own), Some(other)) => {
+                Arc::ptr_eq(&own.bsdf, &other.bsdf) && own.emission == other.emission && own.code == other.code
+            }
+            (own, other) => own.is_none() && other.is_none(),
+        };
+        Arc::ptr_eq(&self.world, &other.world)
+            && self.surfaces.len() == other.surfaces.len()
+            && self.surfaces.iter().zip(&other.surfaces).all(same)
+    }
+
     /// The surface of a material.
     ///
     /// # Panics

@@ -1,6 +1,7 @@
 //! The sun at the surfaces of a block, and in what mirrors it.
 
 use std::f64::consts::PI;
+use std::rc::Rc;
 
 use glam::DVec3;
 use sunglint_geometry::World;
@@ -42,6 +43,7 @@ pub(crate) struct SunLight {
 }
 
 /// The sun of one time as vertices see it.
+#[derive(Clone, Copy)]
 pub(crate) struct Sun {
     pub middle: WorldDir,
     frame: Frame,
@@ -50,6 +52,11 @@ pub(crate) struct Sun {
 }
 
 impl Sun {
+    /// Whether it stands where another does.
+    fn is(&self, other: &Self) -> bool {
+        self.middle == other.middle && self.radius == other.radius
+    }
+
     /// `None` where it is down.
     pub fn new(time: &Illumination, disk: bool) -> Option<Self> {
         let radius = if disk { time.sun_radius.sin() } else { 0.0 };
@@ -73,8 +80,29 @@ impl Sun {
     }
 }
 
+/// The sun of the times that light a block one after another: experiments under different air may have one.
+#[derive(Default)]
+pub(crate) struct LastSun(Option<(Option<Sun>, Rc<SunLight>)>);
+
+impl LastSun {
+    /// How it stands to a block, that all times of this light, and the rays cast for it.
+    pub fn light(&mut self, block: &Block<'_>, disk: Option<Sun>) -> (Rc<SunLight>, RayCounts) {
+        let is_same = |last: &Option<Sun>| match (last, &disk) {
+            (Some(last), Some(own)) => own.is(last),
+            (last, own) => last.is_none() && own.is_none(),
+        };
+        if let Some((_, light)) = self.0.as_ref().filter(|(last, _)| is_same(last)) {
+            return (light.clone(), RayCounts::default());
+        }
+        let (light, rays) = sun_light(block, disk.as_ref());
+        let light = Rc::new(light);
+        self.0 = Some((disk, light.clone()));
+        (light, rays)
+    }
+}
+
 /// Casts the sun rays of a block, save those that are proved unnecessary.
-pub(crate) fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
+fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
     let Block { scenery, paths, groups, .. } = block;
     let n = paths.vertices.len();
     let mut light = SunLight {
