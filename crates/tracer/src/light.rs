@@ -133,6 +133,8 @@ pub(crate) struct Block<'a> {
     /// Vertices by facet, and the group of each vertex.
     pub groups: Vec<FacetGroup>,
     pub of_vertices: Vec<u32>,
+    /// Vertices of each pixel.
+    pub pixels: Vec<Range<usize>>,
     lattice: &'a Lattice<'a>,
     has_caustics: bool,
     has_scatter: bool,
@@ -142,13 +144,14 @@ impl<'a> Block<'a> {
     pub fn new(
         scenery: &'a Scenery,
         paths: &'a Paths,
+        pixels: Vec<Range<usize>>,
         (channels, nodes): (&'a Channels, &'a Nodes),
         lattice: &'a Lattice<'a>,
     ) -> Self {
         let (groups, of_vertices) = paths.facet_groups();
         let has_caustics = paths.records.iter().any(|record| matches!(record.source, Source::Caustic { .. }));
         let has_scatter = paths.records.iter().any(|record| matches!(record.source, Source::Scatter { .. }));
-        Self { scenery, paths, channels, nodes, groups, of_vertices, lattice, has_caustics, has_scatter }
+        Self { scenery, paths, channels, nodes, groups, of_vertices, pixels, lattice, has_caustics, has_scatter }
     }
 
     /// Whether light passes through the surface of a group.
@@ -313,8 +316,7 @@ impl<'a> BlockLight<'a> {
             let visible = sample.vertex.map_or(0.0, |vertex| self.sun.visible[vertex as usize]);
             lit[sample.replicate as usize] += visible * each[sample.replicate as usize];
         }
-        let sun = (light, &*self.sun, self.disk.as_ref());
-        let unseen = unseen(self.block, sun, |cluster| &lamps[cluster].0, &self.lights.bare().mean_sky);
+        let unseen = unseen(self.block, (light, &self.sun), |cluster| &lamps[cluster].0, &self.lights.bare().mean_sky);
         work.lamps = lamps;
         self.work = work;
         PixelRadiance { radiance, surface: leaving, terms, upwelled, lit, unseen, samples: counts.iter().sum() }

@@ -182,6 +182,7 @@ struct PixelPaths {
     index: usize,
     records: Range<usize>,
     samples: Range<usize>,
+    vertices: Range<usize>,
     /// How many each replicate has.
     counts: [u32; REPLICATES],
     /// Image coordinates of its middle.
@@ -406,7 +407,7 @@ fn trace_pixel(
     ranges: [Range<u32>; 2],
     paths: &mut Paths,
 ) -> PixelPaths {
-    let (records, samples) = (paths.records.len(), paths.samples.len());
+    let (records, samples, vertices) = (paths.records.len(), paths.samples.len(), paths.vertices.len());
     let key = u64::from(pixel.1) * u64::from(view.pixels.0) + u64::from(pixel.0);
     let mut counts = [0; REPLICATES];
     for (replicate, count) in counts.iter_mut().enumerate() {
@@ -421,9 +422,10 @@ fn trace_pixel(
         }
     }
     let (records, samples) = (records..paths.records.len(), samples..paths.samples.len());
+    let vertices = vertices..paths.vertices.len();
     let middle = [f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5];
     let sights = sightline::cluster(paths, samples.clone(), &(view.sight)(middle[0], middle[1]));
-    PixelPaths { index, records, samples, counts, middle, sights }
+    PixelPaths { index, records, samples, vertices, counts, middle, sights }
 }
 
 fn round_to_replicates(samples: u32) -> u32 {
@@ -755,7 +757,8 @@ impl<'a> Lightable<'a> {
         paths: &'a Paths,
         by_term: bool,
     ) -> Self {
-        let block = Block::new(view.scenery, paths, (view.channels, view.nodes), lattice);
+        let vertices = pixels.iter().map(|pixel| pixel.vertices.clone()).collect();
+        let block = Block::new(view.scenery, paths, vertices, (view.channels, view.nodes), lattice);
         let shares = |pixel: &PixelPaths| {
             let of_path = |path: &Path| lattice.shares(pixel.middle, path.length);
             pixel.sights.iter().map(|sight| sight.as_ref().map(of_path)).collect()

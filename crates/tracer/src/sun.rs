@@ -4,6 +4,7 @@ use std::f64::consts::PI;
 use std::rc::Rc;
 
 use glam::DVec3;
+use smallvec::SmallVec;
 use sunglint_geometry::World;
 use sunglint_radiometry::{Frame, LocalDir, WorldDir};
 
@@ -40,6 +41,8 @@ pub(crate) struct SunLight {
     pub cos: Vec<f64>,
     /// Whether something hides the sun.
     pub shaded: Vec<bool>,
+    /// Of a vertex whose group is mixed: whether nothing can hide any of the sun from the pixel's first surfaces there.
+    pub whole: Vec<bool>,
 }
 
 /// The sun of one time as vertices see it.
@@ -110,6 +113,7 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
         visible: vec![0.0; n],
         cos: vec![0.0; n],
         shaded: vec![false; n],
+        whole: vec![false; n],
     };
     let mut rays = RayCounts::default();
     let Some(disk) = disk else {
@@ -130,6 +134,9 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
             *standing = Standing::Lit(mu);
         }
     }
+    // First surfaces of one pixel in one group: where the first of them is lit, a proof may serve the others.
+    let mut runs: SmallVec<[(u32, bool); 8]> = SmallVec::new();
+    let mut pixel = 0;
     for ((i, vertex), group) in paths.vertices.iter().enumerate().zip(&block.of_vertices) {
         match light.groups[*group as usize] {
             Standing::Dark => continue,
@@ -138,6 +145,17 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
                 continue;
             }
             Standing::Mixed => {}
+        }
+        while block.pixels[pixel].end <= i {
+            pixel += 1;
+            runs.clear();
+        }
+        let run = vertex.first.then(|| runs.iter().find(|(of, _)| of == group).copied());
+        if let Some(Some((_, true))) = run {
+            let mu = groups[*group as usize].normal.dot(sun.vec());
+            (light.visible[i], light.cos[i], light.whole[i]) = (1.0, mu, true);
+            rays.sun_proved_clear += 1;
+            continue;
         }
         let direction = disk.of(vertex);
         let mu = vertex.hit.normal.dot(direction.vec());
@@ -150,6 +168,20 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
         rays.sun += 1;
         light.shaded[i] = scenery.world.occluded(&vertex.hit.leave(direction));
         light.visible[i] = f64::from(u8::from(!light.shaded[i]));
+        if let Some(None) = run {
+            let is_own = |j: &usize| paths.vertices[*j].first && block.of_vertices[*j] == *group;
+            let points = || (i..block.pixels[pixel].end).filter(is_own).map(|j| paths.vertices[j].hit.point);
+            let whole = !light.shaded[i] && {
+                let lo = points().fold(DVec3::INFINITY, DVec3::min);
+                let hi = points().fold(DVec3::NEG_INFINITY, DVec3::max);
+                disk.is_whole(&scenery.world, &groups[*group as usize], lo, hi)
+            };
+            if whole {
+                light.cos[i] = groups[*group as usize].normal.dot(sun.vec());
+                light.whole[i] = true;
+            }
+            runs.push((*group, whole));
+        }
     }
     (light, rays)
 }

@@ -10,14 +10,13 @@
 
 use std::f64::consts::PI;
 
-use glam::DVec3;
 use sunglint_radiometry::REPLICATES;
 
 use crate::gathered::PixelLight;
 use crate::lamp::Lamp;
 use crate::light::Block;
 use crate::paths::{Record, Source};
-use crate::sun::{Standing, Sun, SunLight};
+use crate::sun::{Standing, SunLight};
 
 /// By half of the replicates and channel the sum of a², a what one sample would change if its ray were stopped, over the facets
 /// and the sky where a ray might be and none of that half was.
@@ -64,7 +63,7 @@ impl<T> Found<T> {
 /// What one pixel may have missed of the sun on the Lambertian parts of its first surfaces, and of the sky over them.
 pub(crate) fn unseen<'l>(
     block: &Block<'_>,
-    (light, sun, disk): (&PixelLight, &SunLight, Option<&Sun>),
+    (light, sun): (&PixelLight, &SunLight),
     lamp_of: impl Fn(usize) -> &'l Lamp,
     mean_sky: &[f64],
 ) -> Unseen {
@@ -83,17 +82,15 @@ pub(crate) fn unseen<'l>(
         if !paths.vertices[group.first as usize].first {
             continue;
         }
-        let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
         let mut found = Found::default();
+        let mut whole = false;
         for record in light.grouped[run.records.clone()].iter().map(|i| &paths.records[*i as usize]) {
             let Source::Sun { vertex } = record.source else { continue };
             let i = vertex as usize;
-            let point = paths.vertices[i].hit.point;
-            (lo, hi) = (lo.min(point), hi.max(point));
+            whole |= sun.whole[i];
             found.note(half_of(sample(record).replicate), sun.visible[i] > 0.0, (record, sun.cos[i].max(0.0)));
         }
-        let is_proved = || disk.is_some_and(|disk| disk.is_whole(&block.scenery.world, group, lo, hi));
-        if found.stopped == [false; 2] && is_proved() {
+        if whole {
             continue;
         }
         for (half, free) in found.agreeing().into_iter().enumerate() {
