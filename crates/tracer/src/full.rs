@@ -26,8 +26,8 @@ use sunglint_reflectance::Lobes;
 
 use crate::algorithm::{Algorithm, Lighting};
 use crate::hemisphere::{above_horizon, below_horizon, hemisphere_direction, open_sky_view};
-use crate::light::Term;
 use crate::paths::{ONE, Paths, Room, Sample, Source, SpectrumId};
+use crate::pixel::Term;
 use crate::published::SPECTRAL;
 use crate::sampler::concentric_disk;
 use crate::{Scenery, Stream, Surface};

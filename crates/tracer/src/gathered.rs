@@ -8,8 +8,9 @@ use smallvec::SmallVec;
 use sunglint_radiometry::{Frame, LocalDir, REPLICATES, WorldDir};
 
 use crate::lamp::Wants;
-use crate::light::{Block, Term};
+use crate::light::Block;
 use crate::paths::{Record, Source};
+use crate::pixel::Term;
 use crate::unseen::{Found, half_of};
 use crate::{Nodes, Paths};
 

@@ -7,6 +7,7 @@
 //! are formed.
 
 mod algorithm;
+mod allocation;
 mod band_means;
 mod full;
 mod gathered;
@@ -18,6 +19,7 @@ mod limb;
 mod mirrors;
 mod nodes;
 mod paths;
+mod pixel;
 mod published;
 mod render;
 mod sampler;
@@ -27,16 +29,17 @@ mod sun;
 mod unseen;
 
 pub use algorithm::{Algorithm, BUILTIN, EXACT, Lighting};
+pub use allocation::Worth;
 pub use band_means::BandMeans;
 pub use full::FULL;
 pub use illumination::Illumination;
 pub use lamp::Lights;
-pub use light::Term;
 pub use nodes::Nodes;
 pub use paths::{Paths, RayCounts};
+pub use pixel::Term;
 pub use published::{Approximations, IDEAL, SPLIT};
 pub use render::{
-    Accuracy, PixelTerms, Spent, Tile, TileResult, View, Worth, render_pixel_terms, render_tile, render_tile_timed,
+    Accuracy, PixelTerms, Spent, Tile, TileResult, View, render_pixel_terms, render_tile, render_tile_timed,
     render_tile_together, tiles,
 };
 pub use sampler::Stream;

@@ -6,7 +6,7 @@ use sunglint_geometry::{FacetId, Hit, Ray, SoleFacet, World};
 use sunglint_radiometry::{LocalDir, WorldDir};
 
 use crate::hemisphere::Horizons;
-use crate::light::Term;
+use crate::pixel::Term;
 use crate::sampler::{Pair, concentric_disk};
 
 /// Index of a spectrum of [`Paths`]: a product of reflectances at the nodes. 0 is 1 throughout.

@@ -15,8 +15,8 @@ use sunglint_reflectance::{AngularSpectra, Split};
 
 use crate::algorithm::{Algorithm, Lighting};
 use crate::hemisphere::{above_horizon, below_horizon, hemisphere_direction, open_sky_view};
-use crate::light::Term;
 use crate::paths::{GlintLaw, ONE, Paths, Sample, Source, SpectrumId};
+use crate::pixel::Term;
 use crate::sun::half_angle;
 use crate::{Scenery, Stream, Surface};
 

@@ -3,21 +3,23 @@
 use std::ops::Range;
 
 use sunglint_atmosphere::Path;
-use sunglint_geometry::{FacetId, Hit, MaterialId, Ray, SoleFacet};
+use sunglint_geometry::{Hit, Ray, SoleFacet};
 use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
+use crate::allocation::{First, Worth};
 use crate::gathered::PixelLight;
-use crate::light::{Block, BlockLight, PixelRadiance, Term};
+use crate::light::{Block, BlockLight};
 use crate::paths::{Paths, RayCounts};
+use crate::pixel::{PixelRadiance, Term};
 use crate::sightline::{self, Lattice, Shares};
 use crate::sun::LastSun;
-use crate::unseen::{half_of, missed};
+use crate::unseen::half_of;
 use crate::{Algorithm, Lights, Nodes, Scenery, Stream};
 
 /// Pixels along a side of a tile: the unit of resuming and of sharing work.
 const TILE: u32 = 32;
 /// Pixels along a side of a block: the unit in which paths are kept and sun rays proved unnecessary.
-const BLOCK: u32 = 8;
+pub(crate) const BLOCK: u32 = 8;
 /// Rays along a side of a block that tell what it sees.
 const PROBES: usize = 4;
 /// Bytes of the paths of one block after which they are lit and dropped.
@@ -87,7 +89,7 @@ impl View<'_> {
     }
 
     /// Where its lines of sight are solved.
-    fn lattice(&self) -> Lattice<'_> {
+    pub(crate) fn lattice(&self) -> Lattice<'_> {
         let world = &self.scenery.world;
         let facets = world.bounds().map(|(low, _)| low.z);
         let floor = facets.into_iter().chain(world.ground().map(|ground| ground.height)).fold(f64::INFINITY, f64::min);
@@ -95,7 +97,7 @@ impl View<'_> {
     }
 
     /// Makes ready to trace pixels of a block of the image: rays spread over it tell what it sees.
-    fn begin(&self, block: Tile, lattice: &Lattice<'_>, paths: &mut Paths) {
+    pub(crate) fn begin(&self, block: Tile, lattice: &Lattice<'_>, paths: &mut Paths) {
         let world = &self.scenery.world;
         let at = |u: f64, v: f64| {
             (self.sight)(
@@ -177,11 +179,11 @@ impl TileResult {
 }
 
 /// A traced pixel within [`Paths`].
-struct PixelPaths {
+pub(crate) struct PixelPaths {
     /// Where it belongs in the output.
     index: usize,
     records: Range<usize>,
-    samples: Range<usize>,
+    pub samples: Range<usize>,
     vertices: Range<usize>,
     /// How many each replicate has.
     counts: [u32; REPLICATES],
@@ -209,19 +211,19 @@ impl std::ops::AddAssign<&Self> for Spent {
 }
 
 /// Tells what each time takes of a tile's seconds.
-struct Watch<'a> {
-    clock: &'a dyn Fn() -> f64,
+pub(crate) struct Watch<'a> {
+    pub clock: &'a dyn Fn() -> f64,
     light: Vec<f64>,
 }
 
 impl Watch<'_> {
     /// One whose clock stands still.
-    fn still(n_times: usize) -> Self {
+    pub fn still(n_times: usize) -> Self {
         Self { clock: &|| 0.0, light: vec![0.0; n_times] }
     }
 
     /// Puts what has passed since the clock said `begun` down to a time.
-    fn add(&mut self, t: usize, begun: f64) {
+    pub fn add(&mut self, t: usize, begun: f64) {
         self.light[t] += (self.clock)() - begun;
     }
 }
@@ -400,7 +402,7 @@ fn n_samples(ranges: &[Range<u32>; 2]) -> u32 {
 }
 
 /// Traces samples of a pixel: of each replicate those of its half's range.
-fn trace_pixel(
+pub(crate) fn trace_pixel(
     view: &View<'_>,
     pixel: (u32, u32),
     index: usize,
@@ -432,325 +434,21 @@ fn round_to_replicates(samples: u32) -> u32 {
     samples.max(1).next_multiple_of(REPLICATES as u32)
 }
 
-/// The first samples of a block's pixels, one a replicate, lit at every time.
-struct First {
-    /// By time and pixel.
-    times: Vec<Vec<PixelRadiance>>,
-    /// Mean F of each pixel.
-    sky_views: Vec<f64>,
-    /// Material that each pixel's first sample met, and the facet that each replicate's did.
-    materials: Vec<Option<MaterialId>>,
-    facets: Vec<[Option<FacetId>; REPLICATES]>,
-    /// Places of the pixels within the tile.
-    block: Vec<(u32, u32)>,
-}
-
-impl First {
-    fn of_block(
-        view: &View<'_>,
-        lattice: &Lattice<'_>,
-        tile: Tile,
-        block: &[(u32, u32)],
-        paths: &mut Paths,
-        watch: &mut Watch<'_>,
-    ) -> Self {
-        let trace = |(i, (x, y)): (usize, &(u32, u32))| {
-            trace_pixel(view, (tile.x + x, tile.y + y), i, [0..1, 0..1], &mut *paths)
-        };
-        let traced: Vec<PixelPaths> = block.iter().enumerate().map(trace).collect();
-        let material = |pixel: &PixelPaths| {
-            let vertex = paths.samples[pixel.samples.start].vertex?;
-            Some(paths.vertices[vertex as usize].hit.material)
-        };
-        let materials = traced.iter().map(material).collect();
-        let facet = |sample: usize| Some(paths.vertices[paths.samples[sample].vertex? as usize].hit.facet);
-        let facets = traced.iter().map(|pixel| std::array::from_fn(|r| facet(pixel.samples.start + r))).collect();
-        let sky_views = traced.iter().map(|pixel| mean_sky_view(paths, pixel)).collect();
-        let lightable = Lightable::new(view, &traced, lattice, paths, false);
-        let mut rays = RayCounts::default();
-        let mut last = LastSun::default();
-        let times = (view.times.iter().enumerate())
-            .map(|(t, time)| {
-                let begun = (watch.clock)();
-                let mut of_time = Vec::with_capacity(traced.len());
-                rays += lightable.light(view, time, &mut last, |_, radiance| of_time.push(radiance));
-                watch.add(t, begun);
-                of_time
-            })
-            .collect();
-        paths.rays += rays;
-        paths.clear();
-        Self { times, sky_views, materials, facets, block: block.to_vec() }
-    }
-
-    /// How many samples each replicate of each half takes, the first included: chosen by the other half.
-    fn counts(&self, view: &View<'_>) -> Vec<[u32; 2]> {
-        let Accuracy::Error { relative, floor, most, .. } = view.accuracy else {
-            return vec![[1; 2]; self.block.len()];
-        };
-        let most = f64::from((most / REPLICATES as u32).max(1));
-        let mut counts = vec![[1; 2]; self.block.len()];
-        for t in 0..self.times.len() {
-            for c in 0..view.channels.len() {
-                for (half, by) in [(0, 1), (1, 0)] {
-                    let seen = self.heard(&self.seen(t, c, by));
-                    let mean = seen.iter().map(|seen| seen.mean).sum::<f64>() / seen.len() as f64;
-                    for (own, count) in seen.iter().zip(&mut counts) {
-                        let needed = match view.worth {
-                            Some(worth) => {
-                                let Price { floor, least } = worth.of[t * view.channels.len() + c];
-                                let scale = REPLICATES as f64 * own.mean.max(floor).powi(2);
-                                if scale > 0.0 { worthwhile(own.within, own.between, scale * least) } else { 1.0 }
-                            }
-                            None => {
-                                let wanted = relative * own.mean.max(floor.unwrap_or(0.01 * mean));
-                                let allowed = REPLICATES as f64 * wanted * wanted;
-                                if allowed > 0.0 { needed(own, allowed) } else { 1.0 }
-                            }
-                        };
-                        count[half] = count[half].max(needed.min(most).ceil() as u32);
-                    }
-                }
-            }
-        }
-        counts
-    }
-
-    /// What one half of the replicates tells of each pixel at one time in one channel.
-    fn seen(&self, t: usize, c: usize, half: usize) -> Vec<Seen> {
-        let replicates = half * REPLICATES / 2..(half + 1) * REPLICATES / 2;
-        let of_pixel = |(radiance, facets): (&PixelRadiance, &[Option<FacetId>; REPLICATES])| {
-            let kinds = std::array::from_fn::<_, { REPLICATES / 2 }, _>(|r| {
-                let r = replicates.start + r;
-                (facets[r], radiance.lit[r] > 0.5)
-            });
-            let unseen = radiance.unseen[half][c];
-            Seen { unseen, ..Seen::new(&radiance.radiance[c][replicates.clone()], &kinds) }
-        };
-        self.times[t].iter().zip(&self.facets).map(of_pixel).collect()
-    }
-
-    /// The same, with no less variance than the pixels around tell.
-    fn heard(&self, seen: &[Seen]) -> Vec<Seen> {
-        let heard = |(i, own): (usize, &Seen)| Seen {
-            within: own.within.max(self.around(i, |j| seen[j].within)),
-            between: own.between.max(self.around(i, |j| seen[j].between)),
-            ..*own
-        };
-        seen.iter().enumerate().map(heard).collect()
-    }
-
-    /// Mean over the pixels around one that see the same material, itself among them: eight samples know their own variance
-    /// badly, and may miss an edge that neighbours see.
-    fn around(&self, i: usize, value: impl Fn(usize) -> f64) -> f64 {
-        let (x, y) = self.block[i];
-        let near = |j: &usize| {
-            let (u, v) = self.block[*j];
-            x.abs_diff(u) <= 1 && y.abs_diff(v) <= 1 && self.materials[*j] == self.materials[i]
-        };
-        let (sum, n) = (0..self.block.len()).filter(near).fold((0.0, 0.0), |(sum, n), j| (sum + value(j), n + 1.0));
-        sum / f64::max(n, 1.0)
-    }
-}
-
-/// What half of a pixel's first samples tell of it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Seen {
-    mean: f64,
-    /// Variance of one sample on a facet in the sun or in the shade, and what edges between these add to it.
-    within: f64,
-    between: f64,
-    /// What none of them met where a ray might be stopped; see [`missed`].
-    unseen: f64,
-}
-
-impl Seen {
-    fn new<K: PartialEq>(values: &[f64], kinds: &[K]) -> Self {
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let whole = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        let (mut squares, mut groups) = (0.0, 0.0);
-        for (i, kind) in kinds.iter().enumerate() {
-            if kinds[..i].contains(kind) {
-                continue;
-            }
-            let own = || values.iter().zip(kinds).filter(|(_, of)| *of == kind).map(|(value, _)| *value);
-            let of_group = own().sum::<f64>() / own().count() as f64;
-            squares += own().map(|value| (value - of_group).powi(2)).sum::<f64>();
-            groups += 1.0;
-        }
-        // As many kinds as samples: nothing can be told of either.
-        let within = if n - groups >= 3.0 { (squares / (n - groups)).min(whole) } else { whole };
-        Self { mean, within, between: whole - within, unseen: 0.0 }
-    }
-}
-
-/// W/n + B/n^1.5, what n samples a replicate leave: scattered points average what varies on a facet, and the points of one
-/// replicate, spread evenly over the pixel, do better on the area of a facet within it [Owen1997].
-fn left(within: f64, between: f64, n: f64) -> f64 {
-    within / n + between / (n * n.sqrt())
-}
-
-/// Samples a replicate that leave no more than `allowed`, stated for what may have been missed included.
-fn needed(seen: &Seen, allowed: f64) -> f64 {
-    let Seen { within, between, unseen, .. } = *seen;
-    let r = REPLICATES as f64;
-    let all = |n: f64| left(within, between, n) + r * missed(unseen, r * n) - allowed;
-    if all(1.0) <= 0.0 {
-        return 1.0;
-    }
-    // Between what either alone asks for and what all would if edges were no better.
-    let (mut low, mut high) = (1.0, (within + between + unseen) / allowed);
-    for _ in 0..40 {
-        let middle = 0.5 * (low + high);
-        if all(middle) > 0.0 {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    high
-}
-
-/// Samples a replicate up to which one more lowers what is [left] by at least `least`.
-fn worthwhile(within: f64, between: f64, least: f64) -> f64 {
-    let gain = |n: f64| within / (n * n) + 1.5 * between / (n * n * n.sqrt());
-    if gain(1.0) <= least {
-        return 1.0;
-    }
-    // Between what either alone is worth and both together.
-    halved((1.0, ((within + 1.5 * between) / least).sqrt()), 30, |n| gain(n) > least).1
-}
-
-/// Ends about where `is_low` ceases to hold, after so many halvings of their ratio.
-fn halved((mut low, mut high): (f64, f64), times: u32, is_low: impl Fn(f64) -> bool) -> (f64, f64) {
-    for _ in 0..times {
-        let middle = (low * high).sqrt();
-        if is_low(middle) {
-            low = middle;
-        } else {
-            high = middle;
-        }
-    }
-    (low, high)
-}
-
-/// What a sample is worth in a view whose error is asked for over the image: the least by which one must lower the mean square of
-/// the relative standard error, so that at last all samples are worth the same [Neyman1934].
-#[derive(Clone, Debug, PartialEq)]
-pub struct Worth {
-    /// By time and channel.
-    of: Vec<Price>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Price {
-    /// Floor of a pixel's radiance.
-    floor: f64,
-    /// In relative variance a sample of each replicate.
-    least: f64,
-}
-
-/// Blocks of the image from which it is told, and how many of their pixels, channels and times.
-const TOLD_BLOCKS: u32 = 256;
-const TOLD_PIXELS: usize = 1 << 15;
-
-impl Worth {
-    /// From the first samples of blocks spread over the image; `None` unless an error over the image is asked for.
-    pub fn of(view: &View<'_>) -> Option<Self> {
-        let Accuracy::Error { relative, floor, every_pixel: false, .. } = view.accuracy else { return None };
-        let (across, down) = (view.pixels.0.div_ceil(BLOCK), view.pixels.1.div_ceil(BLOCK));
-        let (n, most) = (u64::from(across) * u64::from(down), u64::from(TOLD_BLOCKS));
-        // Multiples of the golden ratio, which keep their distances on a circle.
-        let spread = |i: u64| ((i as f64 * 0.618_033_988_749_894_9).fract() * n as f64) as u64;
-        let places: Vec<Tile> = (0..n.min(most))
-            .map(|i| if n <= most { i } else { spread(i) })
-            .map(|at| block_at(view.pixels, ((at % u64::from(across)) as u32, (at / u64::from(across)) as u32)))
-            .collect();
-        let pixels: usize = places.iter().map(|block| (block.width * block.height) as usize).sum();
-        let n_channels = view.channels.len();
-        let step = (pixels * view.times.len() * n_channels).div_ceil(TOLD_PIXELS).max(1);
-        let (mut paths, lattice) = (Paths::new(view.nodes.len()), view.lattice());
-        // By time and channel: what both halves tell of every `step`th pixel. No block's images outlive it.
-        let mut seen: Vec<Vec<(Seen, Seen)>> = vec![Vec::new(); view.times.len() * n_channels];
-        let mut before = 0;
-        for tile in places {
-            let block = pixels_of(tile);
-            let mut watch = Watch::still(view.times.len());
-            view.begin(tile, &lattice, &mut paths);
-            let first = First::of_block(view, &lattice, tile, &block, &mut paths, &mut watch);
-            let of_block = (before..before + block.len()).map(|i| i % step == 0);
-            for (at, seen) in seen.iter_mut().enumerate() {
-                let half = |half| first.seen(at / n_channels, at % n_channels, half);
-                let both = first.heard(&half(0)).into_iter().zip(half(1)).zip(of_block.clone());
-                seen.extend(both.filter_map(|(both, is_told)| is_told.then_some(both)));
-            }
-            before += block.len();
-        }
-        let of = |seen: Vec<(Seen, Seen)>| {
-            let mean = seen.iter().map(|(chooses, _)| chooses.mean).sum::<f64>() / seen.len().max(1) as f64;
-            let floor = floor.unwrap_or(0.01 * mean);
-            let scaled = |seen: &Seen| {
-                let scale = REPLICATES as f64 * seen.mean.max(floor).powi(2);
-                if scale > 0.0 { (seen.within / scale, seen.between / scale) } else { (0.0, 0.0) }
-            };
-            Told { floor, pixels: seen.iter().map(|(chooses, tells)| (scaled(chooses), scaled(tells))).collect() }
-        };
-        let told: Vec<Told> = seen.into_iter().map(of).collect();
-        let wanted = relative * relative;
-        // What each channel of each time would pay alone, then all by the same factor less, since the worst of them chooses.
-        let own: Vec<f64> = told.iter().map(|of| dearest(wanted, |least| of.left(|i| of.count(i, least)))).collect();
-        let factor = dearest(wanted, |factor| {
-            let n_pixels = told.first().map_or(0, |of| of.pixels.len());
-            let of_pixel = |i| told.iter().zip(&own).map(|(of, least)| of.count(i, factor * least)).fold(1.0, f64::max);
-            let counts: Vec<f64> = (0..n_pixels).map(of_pixel).collect();
-            told.iter().map(|of| of.left(|i| counts[i])).fold(0.0, f64::max)
-        });
-        let price = |(of, least): (&Told, &f64)| Price { floor: of.floor, least: factor * least };
-        Some(Self { of: told.iter().zip(&own).map(price).collect() })
-    }
-}
-
-/// What some pixels tell of one channel at one time.
-struct Told {
-    floor: f64,
-    /// Relative W and B by which a pixel chooses, neighbours heard, and those that the other half of its replicates tells.
-    pixels: Vec<((f64, f64), (f64, f64))>,
-}
-
-impl Told {
-    fn count(&self, i: usize, least: f64) -> f64 {
-        let (w, b) = self.pixels[i].0;
-        worthwhile(w, b, least)
-    }
-
-    /// Mean square of the relative standard error that counts leave.
-    fn left(&self, count: impl Fn(usize) -> f64) -> f64 {
-        let of_pixel = |(i, (_, (w, b))): (usize, &(_, (f64, f64)))| left(*w, *b, count(i));
-        self.pixels.iter().enumerate().map(of_pixel).sum::<f64>() / self.pixels.len().max(1) as f64
-    }
-}
-
-/// The largest price at which no more than `wanted` is left.
-fn dearest(wanted: f64, left: impl Fn(f64) -> f64) -> f64 {
-    halved((1e-30, 1e15), 40, |price| left(price) <= wanted).0
-}
-
 /// Mean F over the samples of a pixel.
-fn mean_sky_view(paths: &Paths, pixel: &PixelPaths) -> f64 {
+pub(crate) fn mean_sky_view(paths: &Paths, pixel: &PixelPaths) -> f64 {
     let samples = &paths.samples[pixel.samples.clone()];
     samples.iter().map(|sample| sample.sky_view).sum::<f64>() / samples.len() as f64
 }
 
 /// Traced pixels with all that their times and views share.
-struct Lightable<'a> {
+pub(crate) struct Lightable<'a> {
     block: Block<'a>,
     pixels: Vec<(&'a PixelPaths, PixelLight, Vec<Option<Shares>>)>,
     by_term: bool,
 }
 
 impl<'a> Lightable<'a> {
-    fn new(
+    pub fn new(
         view: &View<'a>,
         pixels: &'a [PixelPaths],
         lattice: &'a Lattice<'a>,
@@ -770,7 +468,7 @@ impl<'a> Lightable<'a> {
     }
 
     /// Lights the pixels at one time of a view and hands each to `each`.
-    fn light(
+    pub fn light(
         &self,
         view: &View<'_>,
         time: &Lights,
@@ -839,13 +537,13 @@ pub struct PixelTerms {
 }
 
 /// A block of an image of `pixels`, by its column and row among the blocks.
-fn block_at(pixels: (u32, u32), (column, row): (u32, u32)) -> Tile {
+pub(crate) fn block_at(pixels: (u32, u32), (column, row): (u32, u32)) -> Tile {
     let (x, y) = (column * BLOCK, row * BLOCK);
     Tile { x, y, width: BLOCK.min(pixels.0 - x), height: BLOCK.min(pixels.1 - y) }
 }
 
 /// Places of the pixels of a tile within it, row by row.
-fn pixels_of(tile: Tile) -> Vec<(u32, u32)> {
+pub(crate) fn pixels_of(tile: Tile) -> Vec<(u32, u32)> {
     (0..tile.height).flat_map(|y| (0..tile.width).map(move |x| (x, y))).collect()
 }
 
@@ -890,46 +588,4 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         out.upwelled = lit.upwelled;
     });
     out
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Two facets of 1 and 3, even on each: all variance is between them. One facet: all is within.
-    #[test]
-    fn variance_is_told_apart_by_facets() {
-        let facets: Vec<Option<FacetId>> = (0..8).map(|i| Some(FacetId(i / 4))).collect();
-        let values: Vec<f64> = (0..8).map(|i| if i < 4 { 1.0 } else { 3.0 }).collect();
-        let seen = Seen::new(&values, &facets);
-        assert_eq!((seen.mean, seen.within), (2.0, 0.0));
-        assert!((seen.between - 8.0 / 7.0).abs() < 1e-12);
-        let one = vec![None::<FacetId>; 8];
-        assert_eq!(Seen::new(&values, &one), Seen { mean: 2.0, within: 8.0 / 7.0, between: 0.0, unseen: 0.0 });
-        let each: Vec<Option<FacetId>> = (0..8).map(|i| Some(FacetId(i))).collect();
-        assert_eq!(Seen::new(&values, &each).between, 0.0);
-    }
-
-    /// With all variance on facets n = √(W/least), with all between them n = (1.5 B/least)^(2/5).
-    #[test]
-    fn samples_are_worthwhile_up_to_their_price() {
-        assert_eq!(worthwhile(1.0, 1.0, 3.0), 1.0);
-        assert!((worthwhile(100.0, 0.0, 1.0) - 10.0).abs() < 1e-6);
-        assert!((worthwhile(0.0, 1000.0, 1.0) - 1500f64.powf(0.4)).abs() < 1e-6);
-        let n = worthwhile(10.0, 50.0, 1e-3);
-        assert!((10.0 / (n * n) + 75.0 / n.powf(2.5) - 1e-3).abs() < 1e-9);
-    }
-
-    #[test]
-    fn as_many_samples_are_needed_as_bring_the_variance_down() {
-        let needed = |within, between, unseen| needed(&Seen { mean: 1.0, within, between, unseen }, 1.0);
-        assert_eq!(needed(0.5, 0.4, 0.0), 1.0);
-        assert!((needed(100.0, 0.0, 0.0) - 100.0).abs() < 1e-6);
-        assert!((needed(0.0, 1000.0, 0.0) - 100.0).abs() < 1e-6);
-        // 12 U/((16 n + 1)(16 n + 2)) of one
-        let n = needed(0.0, 0.0, 1e4);
-        assert!((12e4 / ((16.0 * n + 1.0) * (16.0 * n + 2.0)) - 1.0).abs() < 1e-9);
-        let n = needed(10.0, 50.0, 0.0);
-        assert!((10.0 / n + 50.0 / n.powf(1.5) - 1.0).abs() < 1e-9);
-    }
 }
