@@ -7,6 +7,9 @@ use sunglint_tracer::Accuracy;
 
 use super::{MOST_SAMPLES, Plan, Run};
 
+/// Images, one a time and channel, of the runs that are traced together: 12 kB each in a tile.
+const MOST_IMAGES: usize = 4096;
+
 /// What a band adds to the work of a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct BandShare {
@@ -89,11 +92,15 @@ impl Run {
 }
 
 impl Plan {
-    /// The runs by what is traced: runs of one group [trace the same paths](Run::traces_as).
+    /// The runs by what is traced: runs of one group [trace the same paths](Run::traces_as). A sweep of very many is traced in
+    /// several groups, so that the tiles of one stay few.
     pub fn traced_together(&self) -> Vec<Vec<&Run>> {
+        let images = |run: &Run| run.moments.len() * run.traced.len();
+        let fits =
+            |group: &[&Run], run| group.iter().map(|own| images(own)).sum::<usize>() + images(run) <= MOST_IMAGES;
         let mut groups: Vec<Vec<&Run>> = Vec::new();
         for run in &self.runs {
-            match groups.iter_mut().find(|group| group[0].traces_as(run)) {
+            match groups.iter_mut().find(|group| group[0].traces_as(run) && fits(group, run)) {
                 Some(group) => group.push(run),
                 None => groups.push(vec![run]),
             }
