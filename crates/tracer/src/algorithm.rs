@@ -63,9 +63,40 @@ pub const EXACT: &[(&str, &str)] = &[
 
 #[cfg(test)]
 mod tests {
-    use sunglint_plugin::Kind;
+    use sunglint_plugin::{Args, Kind, Value};
+    use sunglint_radiometry::SpectralGrid;
 
     use super::*;
+
+    /// Runs of the same paths are told by what algorithms say of themselves: whatever a parameter changes is among it, or in how
+    /// paths are lit, and what is only said of light is not.
+    #[test]
+    fn every_parameter_changes_what_is_traced_or_how_it_is_lit() {
+        let grid = SpectralGrid::from_edges(&[0.5, 0.6]);
+        for Model { info, bind } in BUILTIN {
+            let bound = |given: Option<(&str, Value)>| {
+                let given = given.map(|(name, value)| (name.to_string(), value));
+                let algorithm = bind(&Args::new(info, given), &grid).unwrap_or_else(|_| panic!("{}", info.name));
+                (algorithm.traced_by(), algorithm.lighting())
+            };
+            let (traced, lit) = bound(None);
+            for param in info.params {
+                let values: Vec<Value> = match param.kind {
+                    Kind::Word(words) => words.iter().map(|word| Value::Word((*word).into())).collect(),
+                    Kind::Switch => vec![Value::Switch(false), Value::Switch(true)],
+                    Kind::Count(_) => vec![Value::Count(7)],
+                    _ => panic!("{} {}", info.name, param.name),
+                };
+                let others: Vec<_> = values.into_iter().map(|value| bound(Some((param.name, value)))).collect();
+                assert!(others.iter().any(|other| *other != (traced.clone(), lit)), "{} {}", info.name, param.name);
+                let of_light = ["spectral", "adjacency", "limb_darkening"].contains(&param.name);
+                assert!(!of_light || others.iter().all(|(own, _)| *own == traced), "{} {}", info.name, param.name);
+            }
+            assert!(BUILTIN.iter().filter(|other| other.info.name != info.name).all(|other| {
+                (other.bind)(&Args::new(&other.info, None), &grid).is_ok_and(|other| other.traced_by() != traced)
+            }));
+        }
+    }
 
     /// A word that no parameter has would lift nothing.
     #[test]
