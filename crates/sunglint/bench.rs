@@ -319,7 +319,7 @@ pub fn bench(
         let reference = found.reference(judge, reference_run, beside, how, progress)?;
         let mut base: Option<Costed> = None;
         for samples in &how.samples {
-            let name = format!("{}/{}, {samples} samples", run.experiment, run.sensor);
+            let name = format!("{}, {samples} samples", run.full_name());
             let costed = cost::measure(run, *samples, &name, progress)?;
             found.settings.push(found.setting(run, *samples, &costed, reference)?);
             if how.single == Some(*samples) {

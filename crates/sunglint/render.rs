@@ -149,8 +149,7 @@ pub fn render(plan: &Plan, out: &Path, progress: &dyn Progress) -> Result<Vec<Re
     plan.runs().iter().try_for_each(|run| refuse_mixing(run, &folder_of(run, out)))?;
     let mut rendered = Vec::new();
     for group in plan.traced_together() {
-        let of_group = render_group(plan, &group, out, progress)?;
-        rendered.extend(group.into_iter().zip(of_group));
+        rendered.extend(render_group(plan, &group, out, progress)?);
     }
     let at = |of: &Run| plan.runs().iter().position(|run| std::ptr::eq(run, of));
     rendered.sort_by_key(|(run, _)| at(run));
@@ -165,29 +164,30 @@ fn folder_of(run: &Run, out: &Path) -> PathBuf {
     out.join(&run.experiment).join(&run.sensor)
 }
 
-/// Renders runs of the same paths, all but those that are there already.
-fn render_group(
+/// Renders runs of the same paths, after those that are there already.
+fn render_group<'a>(
     plan: &Plan,
-    group: &[&Run],
+    group: &[&'a Run],
     out: &Path,
     progress: &dyn Progress,
-) -> Result<Vec<Rendered>, RenderError> {
+) -> Result<Vec<(&'a Run, Rendered)>, RenderError> {
     let is_there = |run: &Run| {
         let folder = folder_of(run, out);
         is_up_to_date(&folder.join("manifest.json"), &folder, run)
     };
-    let wanted: Vec<&Run> = group.iter().copied().filter(|run| !is_there(run)).collect();
-    let mut fresh =
-        (if wanted.is_empty() { Vec::new() } else { render_runs(plan, &wanted, out, progress)? }).into_iter();
-    let of_run = |run: &&Run| {
-        let rendered = match wanted.iter().any(|wanted| std::ptr::eq(*wanted, *run)) {
-            true => fresh.next().expect("one for each wanted run"),
-            false => unchanged(run, out, progress),
-        };
+    let (there, wanted): (Vec<&Run>, Vec<&Run>) = group.iter().partition(|run| is_there(run));
+    let mut all = Vec::new();
+    for run in there {
+        let rendered = unchanged(run, out, progress);
         progress.end(run, &rendered);
-        rendered
-    };
-    Ok(group.iter().map(of_run).collect())
+        all.push((run, rendered));
+    }
+    if !wanted.is_empty() {
+        let rendered = render_runs(plan, &wanted, out, progress)?;
+        wanted.iter().zip(&rendered).for_each(|(run, rendered)| progress.end(run, rendered));
+        all.extend(wanted.into_iter().zip(rendered));
+    }
+    Ok(all)
 }
 
 /// A run whose frames are there already.

@@ -163,7 +163,7 @@ pub fn test_scene(scene: &Path, filter: &str, accept: bool) -> Result<TestedScen
     };
     let mut fresh = Vec::new();
     for run in plan.runs() {
-        let name = format!("{} {}/{}", scene.display(), run.experiment, run.sensor);
+        let name = format!("{} {}", scene.display(), run.full_name());
         if !name.contains(filter) {
             continue;
         }

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Args;
 use sunglint::inspection::time_of;
-use sunglint::{Options, explain};
+use sunglint::{Options, Run, explain};
 
 use super::{Failure, Outcome, plan_of, print, print_json};
 
@@ -51,8 +51,7 @@ impl Explain {
         let run = (plan.runs().iter())
             .find(|run| self.sensor.as_ref().is_none_or(|sensor| run.sensor == *sensor))
             .ok_or_else(|| {
-                let known: Vec<String> =
-                    plan.runs().iter().map(|run| format!("{}/{}", run.experiment, run.sensor)).collect();
+                let known: Vec<String> = plan.runs().iter().map(Run::full_name).collect();
                 Failure::BadInput(format!("no such experiment and sensor; there are: {}", known.join(", ")))
             })?;
         let (w, h) = run.pixels;

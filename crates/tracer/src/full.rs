@@ -42,6 +42,7 @@ const DEPTH_LIMIT: u32 = 4096;
 /// Mirrors in a row through which the sun is found without luck.
 const IMAGED: u8 = 2;
 
+#[derive(Clone, Copy, Debug)]
 struct Full {
     /// Surfaces of a path; `None` is unlimited.
     depth: Option<u32>,
@@ -145,8 +146,8 @@ impl Algorithm for Full {
     }
 
     fn traced_by(&self) -> String {
-        let Self { depth, sun_disk, directional_sky, caustics, .. } = self;
-        format!("full {depth:?} {sun_disk} {directional_sky} {caustics}")
+        // These are said of its light.
+        format!("{:?}", Self { limb_darkening: false, band_means: false, adjacency: false, ..*self })
     }
 
     fn skips(&self, scenery: &Scenery) -> Vec<String> {

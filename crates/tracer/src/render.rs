@@ -241,6 +241,7 @@ pub fn render_tile_timed(view: &View<'_>, tile: Tile, clock: &dyn Fn() -> f64) -
 /// Renders a tile of views that look along the same lines of sight and [trace the same paths](View::traces_as), each at all
 /// its times: what each yields is what it yields alone. Rays of the paths and the seconds that all share are the first view's.
 pub fn render_tile_together(views: &[View<'_>], tile: Tile, clock: &dyn Fn() -> f64) -> Vec<(TileResult, Spent)> {
+    let Some(view) = views.first() else { return Vec::new() };
     let begun = clock();
     let n_pixels = (tile.width * tile.height) as usize;
     let of_view = |view: &View<'_>| {
@@ -257,7 +258,6 @@ pub fn render_tile_together(views: &[View<'_>], tile: Tile, clock: &dyn Fn() -> 
         (result, Watch { clock, ..Watch::still(n_times) })
     };
     let mut out: Vec<(TileResult, Watch<'_>)> = views.iter().map(of_view).collect();
-    let Some(view) = views.first() else { return Vec::new() };
     let mut paths = Paths::new(view.nodes.len());
     let lattice = view.lattice();
     let mut target = Target { views, lattice: &lattice, n_pixels, out: &mut out };

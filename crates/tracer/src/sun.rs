@@ -46,7 +46,7 @@ pub(crate) struct SunLight {
 }
 
 /// The sun of one time as vertices see it.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, PartialEq)]
 pub(crate) struct Sun {
     pub middle: WorldDir,
     frame: Frame,
@@ -55,11 +55,6 @@ pub(crate) struct Sun {
 }
 
 impl Sun {
-    /// Whether it stands where another does.
-    fn is(&self, other: &Self) -> bool {
-        self.middle == other.middle && self.radius == other.radius
-    }
-
     /// `None` where it is down.
     pub fn new(time: &Illumination, disk: bool) -> Option<Self> {
         let radius = if disk { time.sun_radius.sin() } else { 0.0 };
@@ -90,11 +85,7 @@ pub(crate) struct LastSun(Option<(Option<Sun>, Rc<SunLight>)>);
 impl LastSun {
     /// How it stands to a block, that all times of this light, and the rays cast for it.
     pub fn light(&mut self, block: &Block<'_>, disk: Option<Sun>) -> (Rc<SunLight>, RayCounts) {
-        let is_same = |last: &Option<Sun>| match (last, &disk) {
-            (Some(last), Some(own)) => own.is(last),
-            (last, own) => last.is_none() && own.is_none(),
-        };
-        if let Some((_, light)) = self.0.as_ref().filter(|(last, _)| is_same(last)) {
+        if let Some((_, light)) = self.0.as_ref().filter(|(last, _)| *last == disk) {
             return (light.clone(), RayCounts::default());
         }
         let (light, rays) = sun_light(block, disk.as_ref());
@@ -134,8 +125,9 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
             *standing = Standing::Lit(mu);
         }
     }
-    // First surfaces of one pixel in one group: where the first of them is lit, a proof may serve the others.
-    let mut runs: SmallVec<[(u32, bool); 8]> = SmallVec::new();
+    // Groups of first surfaces that the pixel has met: where the first point of one is lit, a proof may serve the others, and tells
+    // their cos θ_s.
+    let mut runs: SmallVec<[(u32, Option<f64>); 8]> = SmallVec::new();
     let mut pixel = 0;
     for ((i, vertex), group) in paths.vertices.iter().enumerate().zip(&block.of_vertices) {
         match light.groups[*group as usize] {
@@ -150,10 +142,9 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
             pixel += 1;
             runs.clear();
         }
-        let run = vertex.first.then(|| runs.iter().find(|(of, _)| of == group).copied());
-        if let Some(Some((_, true))) = run {
-            let mu = groups[*group as usize].normal.dot(sun.vec());
-            (light.visible[i], light.cos[i], light.whole[i]) = (1.0, mu, true);
+        let run = runs.iter().find(|(of, _)| of == group);
+        if let Some((_, Some(mu))) = run {
+            (light.visible[i], light.cos[i], light.whole[i]) = (1.0, *mu, true);
             rays.sun_proved_clear += 1;
             continue;
         }
@@ -168,17 +159,17 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
         rays.sun += 1;
         light.shaded[i] = scenery.world.occluded(&vertex.hit.leave(direction));
         light.visible[i] = f64::from(u8::from(!light.shaded[i]));
-        if let Some(None) = run {
-            let is_own = |j: &usize| paths.vertices[*j].first && block.of_vertices[*j] == *group;
-            let points = || (i..block.pixels[pixel].end).filter(is_own).map(|j| paths.vertices[j].hit.point);
-            let whole = !light.shaded[i] && {
-                let lo = points().fold(DVec3::INFINITY, DVec3::min);
-                let hi = points().fold(DVec3::NEG_INFINITY, DVec3::max);
-                disk.is_whole(&scenery.world, &groups[*group as usize], lo, hi)
-            };
-            if whole {
-                light.cos[i] = groups[*group as usize].normal.dot(sun.vec());
-                light.whole[i] = true;
+        if vertex.first && run.is_none() {
+            let is_own = |j: &usize| block.of_vertices[*j] == *group;
+            let points = (i..block.pixels[pixel].end).filter(is_own).map(|j| paths.vertices[j].hit.point);
+            let group_of = &groups[*group as usize];
+            let whole = (!light.shaded[i]).then(|| {
+                let (lo, hi) = points.fold((vertex.hit.point, vertex.hit.point), |(lo, hi), p| (lo.min(p), hi.max(p)));
+                disk.is_whole(&scenery.world, group_of, lo, hi).then(|| group_of.normal.dot(sun.vec()))
+            });
+            let whole = whole.flatten();
+            if let Some(mu) = whole {
+                (light.cos[i], light.whole[i]) = (mu, true);
             }
             runs.push((*group, whole));
         }
