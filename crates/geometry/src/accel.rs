@@ -1,4 +1,4 @@
-//! The acceleration structure: a tree of boxes, eight to a node, over packets of four triangles.
+//! The acceleration structure: a tree of boxes, eight to a node, over packets of eight triangles.
 //!
 //! `f32` decides nothing but misses. Boxes and triangles are kept in `f32` about the block's centre, with margins for
 //! every rounding on the way there; what survives them is tested in `f64` on the facets' own corners by the watertight
@@ -16,14 +16,17 @@
 //! traversal, and it is quadratic in coincident and nested boxes, up to a stack overflow, so large or degenerate sets of
 //! boxes are split top down as well. obvhs's own 8-wide tree misses what is nearer than 10⁻⁴.
 
-use glam::{DVec3, Vec3A, Vec4};
+use fearless_simd::{f32x8, prelude::*};
+use glam::{DVec3, Vec3A};
 use obvhs::aabb::Aabb;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
 
-/// Children of a node, in two vectors of four: 8 beat 4 by up to a tenth, as fewer fetches wait for one another.
-const WIDTH: usize = 8;
+/// Children of a node and triangles of a packet.
+pub(crate) const WIDTH: usize = 8;
+/// A number for each of them.
+pub(crate) type Eight = [f32; WIDTH];
 /// Low x, y, z and high x, y, z of a node's children.
-pub(crate) type Boxes = [[Vec4; 2]; 6];
+pub(crate) type Boxes = [Eight; 6];
 const LEAF: u32 = 1 << 31;
 const FIRST_BITS: u32 = 27;
 /// Entries that leaves can number.
@@ -74,12 +77,14 @@ impl Block {
         let margin = Vec3A::splat(BOX_MARGIN * self.half + f32::MIN_POSITIVE);
         Bounds { lo: (lo - self.centre).as_vec3a() - margin, hi: (hi - self.centre).as_vec3a() + margin }
     }
-    /// Where the line o + t d enters and leaves, each a little early and late; `None` if it passes outside 0 … `t_max`.
-    pub fn clip(&self, o: DVec3, d: DVec3, t_max: f64) -> Option<(f64, f64)> {
+    /// Where the line o + t d enters and leaves, each a little early and late, given one over d; `None` if it passes outside
+    /// 0 … `t_max`.
+    #[inline(always)]
+    pub fn clip(&self, o: DVec3, inv: DVec3, t_max: f64) -> Option<(f64, f64)> {
         let (mut near, mut far) = (0.0_f64, t_max);
         for a in 0..3 {
-            if d[a].abs() > 1e-300 {
-                let inv = 1.0 / d[a];
+            let inv = inv[a];
+            if inv.abs() < 1e300 {
                 let (t0, t1) = ((self.lo[a] - o[a]) * inv, (self.hi[a] - o[a]) * inv);
                 let (enter, leave) = if t0 < t1 { (t0, t1) } else { (t1, t0) };
                 near = near.max(enter - 4.0 * f64::EPSILON * enter.abs());
@@ -108,35 +113,39 @@ struct Node {
 
 /// A ray for boxes, about the block's centre.
 pub(crate) struct BoxRay {
-    o: [Vec4; 3],
-    inv: [Vec4; 3],
+    o: [f32; 3],
+    inv: [f32; 3],
     near: [usize; 3],
     far: [usize; 3],
 }
 
 impl BoxRay {
-    /// `d` is about unit length, `o` inside the block or at its border.
-    pub fn new(o: DVec3, d: DVec3) -> Self {
-        let (o, d) = (o.as_vec3().to_array(), d.as_vec3().to_array());
+    /// `inv` is one over a direction of about unit length, `o` inside the block or at its border.
+    #[inline(always)]
+    pub fn new(o: DVec3, inv: DVec3) -> Self {
         // A component that would divide to infinity moves the ray by less than the margin.
-        let inv = d.map(|d| if d.abs() < 1e-18 { 1e18_f32.copysign(d) } else { 1.0 / d });
-        let near = [0, 1, 2].map(|a| if inv[a] < 0.0 { a + 3 } else { a });
-        Self { o: o.map(Vec4::splat), inv: inv.map(Vec4::splat), near, far: near.map(|a| (a + 3) % 6) }
+        let inv = inv.clamp(DVec3::splat(-1e18), DVec3::splat(1e18)).as_vec3().to_array();
+        let side = |a: usize| if inv[a] < 0.0 { a + 3 } else { a };
+        let near = [side(0), side(1), side(2)];
+        let far = [(near[0] + 3) % 6, (near[1] + 3) % 6, (near[2] + 3) % 6];
+        Self { o: o.as_vec3().to_array(), inv, near, far }
+    }
+
+    /// Distances to sides of the boxes along an axis.
+    #[inline(always)]
+    fn at<S: Simd>(&self, simd: S, node: &Node, sides: [usize; 3], axis: usize) -> f32x8<S> {
+        (f32x8::load_array_ref(simd, &node.bounds[sides[axis]]) - self.o[axis]) * self.inv[axis]
     }
 
     /// Distances to the boxes, and a bit for each that is met before `t_max`.
     #[inline(always)]
-    fn meet(&self, node: &Node, t_max: f32) -> ([[f32; 4]; 2], u32) {
-        let t_max = Vec4::splat(t_max);
-        let half = |h: usize| {
-            let near = |a: usize| (node.bounds[self.near[a]][h] - self.o[a]) * self.inv[a];
-            let far = |a: usize| (node.bounds[self.far[a]][h] - self.o[a]) * self.inv[a];
-            let enter = near(0).max(near(1)).max(near(2)).max(Vec4::ZERO);
-            let leave = far(0).min(far(1)).min(far(2)) * T_UP;
-            (enter.to_array(), enter.cmple(leave.min(t_max)).bitmask())
-        };
-        let ((enter_0, met_0), (enter_1, met_1)) = (half(0), half(1));
-        ([enter_0, enter_1], met_0 | met_1 << 4)
+    fn meet<S: Simd>(&self, simd: S, node: &Node, t_max: f32) -> (Eight, u32) {
+        let Self { near, far, .. } = *self;
+        let near = [self.at(simd, node, near, 0), self.at(simd, node, near, 1), self.at(simd, node, near, 2)];
+        let far = [self.at(simd, node, far, 0), self.at(simd, node, far, 1), self.at(simd, node, far, 2)];
+        let enter = near[0].max(near[1]).max(near[2]).max(0.0);
+        let leave = far[0].min(far[1]).min(far[2]) * T_UP;
+        (enter.to_array(), enter.simd_le(leave.min(t_max)).to_bitmask() as u32)
     }
 }
 
@@ -206,15 +215,15 @@ impl Tree {
                     }
                 }
                 let at = self.nodes.len();
-                let (lo, hi) = ([Vec4::INFINITY; 2], [Vec4::NEG_INFINITY; 2]);
+                let (lo, hi) = ([f32::INFINITY; WIDTH], [f32::NEG_INFINITY; WIDTH]);
                 let bounds = [lo, lo, lo, hi, hi, hi];
                 self.nodes.push(Node { bounds, child: [LEAF; WIDTH] });
                 for (i, child) in children.iter().enumerate() {
                     let code = self.widen(child, order, leaf);
                     let (b, node) = (child.bounds(), &mut self.nodes[at]);
                     for a in 0..3 {
-                        node.bounds[a][i >> 2][i & 3] = b.lo[a];
-                        node.bounds[a + 3][i >> 2][i & 3] = b.hi[a];
+                        node.bounds[a][i] = b.lo[a];
+                        node.bounds[a + 3][i] = b.hi[a];
                     }
                     node.child[i] = code;
                 }
@@ -226,8 +235,9 @@ impl Tree {
     /// Visits the leaves that the ray meets before `t_max`, nearest first where `ORDERED`. `visit` may lower `t_max`, and
     /// stops the walk by returning true, which is passed on.
     #[inline(always)]
-    pub fn walk<const ORDERED: bool>(
+    pub fn walk<S: Simd, const ORDERED: bool>(
         &self,
+        simd: S,
         ray: &BoxRay,
         mut t_max: f32,
         mut visit: impl FnMut(usize, usize, &mut f32) -> bool,
@@ -237,7 +247,7 @@ impl Tree {
         loop {
             if code & LEAF == 0 {
                 let node = &self.nodes[code as usize];
-                let (enter, mut met) = ray.meet(node, t_max);
+                let (enter, mut met) = ray.meet(simd, node, t_max);
                 if met != 0 {
                     let first = met.trailing_zeros() as usize & 7;
                     met &= met - 1;
@@ -245,7 +255,7 @@ impl Tree {
                         code = node.child[first];
                         continue;
                     }
-                    let key = |i: usize| (u64::from(enter[i >> 2][i & 3].to_bits()) << 32) | u64::from(node.child[i]);
+                    let key = |i: usize| (u64::from(enter[i].to_bits()) << 32) | u64::from(node.child[i]);
                     if ORDERED {
                         // insertion by distance, farthest pushed first
                         let mut nearest = key(first);
@@ -393,8 +403,8 @@ fn split(boxes: &[Bounds], order: &mut [u32], first: usize, depth: usize, larges
         let c = b.lo + b.hi;
         centres = centres.join(Bounds { lo: c, hi: c });
     }
-    let packets = |n: usize| n.div_ceil(4) as f32;
-    if n <= largest_leaf.min(4) {
+    let packets = |n: usize| n.div_ceil(WIDTH) as f32;
+    if n <= largest_leaf.min(WIDTH) {
         return Part::Leaf { bounds, first, count: n };
     }
     let extent = centres.hi - centres.lo;
@@ -464,25 +474,13 @@ fn split(boxes: &[Bounds], order: &mut [u32], first: usize, depth: usize, larges
     Part::Inner { bounds, halves: Box::new(halves) }
 }
 
-/// Four triangles about the block's centre; lanes without one hold NaN and never survive.
+/// Triangles about the block's centre; lanes without one hold NaN and never survive.
 #[derive(Clone, Copy, Debug)]
-#[repr(C)]
+#[repr(C, align(32))]
 pub(crate) struct Packet {
-    /// `corners[c][axis]` of the four.
-    corners: [[Vec4; 3]; 3],
-    pub triangle: [u32; 4],
-}
-
-impl Packet {
-    /// Corner `c` of the four.
-    pub const fn corner(&self, c: usize) -> &[Vec4; 3] {
-        &self.corners[c]
-    }
-    /// Low and high coordinates, without margin.
-    pub fn bounds(&self) -> ([Vec4; 3], [Vec4; 3]) {
-        let [a, b, c] = &self.corners;
-        ([0, 1, 2].map(|x| a[x].min(b[x]).min(c[x])), [0, 1, 2].map(|x| a[x].max(b[x]).max(c[x])))
-    }
+    /// `corners[c][axis]` of each.
+    pub corners: [[Eight; 3]; 3],
+    pub triangle: [u32; WIDTH],
 }
 
 /// The triangles of a mesh for tracing.
@@ -506,12 +504,12 @@ impl TriangleTree {
                 block.bounds(a.min(b).min(c), a.max(b).max(c))
             })
             .collect();
-        let mut packets: Vec<Packet> = Vec::with_capacity(count / 3);
+        let mut packets: Vec<Packet> = Vec::with_capacity(count / 6);
         let tree = Tree::build(&boxes, 16, &mut |leaf| {
             let first = packets.len();
-            for four in leaf.chunks(4) {
-                let mut packet = Packet { corners: [[Vec4::NAN; 3]; 3], triangle: [u32::MAX; 4] };
-                for (lane, &t) in four.iter().enumerate() {
+            for eight in leaf.chunks(WIDTH) {
+                let mut packet = Packet { corners: [[[f32::NAN; WIDTH]; 3]; 3], triangle: [u32::MAX; WIDTH] };
+                for (lane, &t) in eight.iter().enumerate() {
                     packet.triangle[lane] = t;
                     for (c, corner) in triangle(t as usize).into_iter().enumerate() {
                         let corner = (corner - block.centre).as_vec3();
@@ -540,56 +538,64 @@ pub(crate) struct TriangleRay {
     o: [f64; 3],
     shear: [f64; 2],
     inv: f64,
-    o4: [Vec4; 3],
-    shear4: [Vec4; 2],
-    inv4: Vec4,
-    delta: Vec4,
+    /// About the block's centre.
+    o32: [f32; 3],
+    shear32: [f32; 2],
+    inv32: f32,
+    delta: f32,
 }
 
 impl TriangleRay {
     /// `p` in the mesh's frame, inside the block or at its border; `d` of about unit length.
-    pub fn new(block: &Block, p: DVec3, d: DVec3) -> Self {
+    #[inline(always)]
+    pub fn new(block: &Block, p: DVec3, d: DVec3, inv: DVec3) -> Self {
         let size = d.abs();
         let z = if size.z >= size.x && size.z >= size.y { 2 } else { usize::from(size.y >= size.x) };
         let axes = [(z + 1) % 3, (z + 2) % 3, z];
-        let inv = 1.0 / d[z];
-        let shear = [d[axes[0]] * inv, d[axes[1]] * inv];
+        let [x, y, _] = axes;
+        let inv = inv[z];
+        let shear = [d[x] * inv, d[y] * inv];
         let about = (p - block.centre).as_vec3();
         Self {
             axes,
             p,
             d,
-            o: axes.map(|a| p[a]),
+            o: [p[x], p[y], p[z]],
             shear,
             inv,
-            o4: axes.map(|a| Vec4::splat(about[a])),
-            shear4: shear.map(|s| Vec4::splat(s as f32)),
-            inv4: Vec4::splat(inv as f32),
-            delta: Vec4::splat(DELTA * block.half),
+            o32: [about[x], about[y], about[z]],
+            shear32: [shear[0] as f32, shear[1] as f32],
+            inv32: inv as f32,
+            delta: DELTA * block.half,
         }
+    }
+
+    /// Corner `c` of each triangle, beside the ray and along it.
+    #[inline(always)]
+    fn sheared<S: Simd>(&self, simd: S, packet: &Packet, c: usize) -> (f32x8<S>, f32x8<S>, f32x8<S>) {
+        let ([x, y, z], corner) = (self.axes, &packet.corners[c]);
+        let cz = f32x8::load_array_ref(simd, &corner[z]) - self.o32[2];
+        let cx = (f32x8::load_array_ref(simd, &corner[x]) - self.o32[0]) - cz * self.shear32[0];
+        let cy = (f32x8::load_array_ref(simd, &corner[y]) - self.o32[1]) - cz * self.shear32[1];
+        (cx, cy, cz * self.inv32)
     }
 
     /// A bit for each triangle of the packet that `f32` cannot prove missed before `t_max`.
     #[inline(always)]
-    pub fn filter(&self, packet: &Packet, t_max: f32) -> u32 {
-        let [x, y, z] = self.axes;
-        let sheared = |c: usize| {
-            let corner = &packet.corners[c];
-            let cz = corner[z] - self.o4[2];
-            let along = |axis: usize, a: usize| (corner[axis] - self.o4[a]) - self.shear4[a] * cz;
-            (along(x, 0), along(y, 1), cz * self.inv4)
-        };
-        let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (sheared(0), sheared(1), sheared(2));
+    pub fn filter<S: Simd>(&self, simd: S, packet: &Packet, t_max: f32) -> u32 {
+        let (ax, ay, az) = self.sheared(simd, packet, 0);
+        let (bx, by, bz) = self.sheared(simd, packet, 1);
+        let (cx, cy, cz) = self.sheared(simd, packet, 2);
         let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
         let size = ax.abs().max(bx.abs()).max(cx.abs()).max(ay.abs()).max(by.abs()).max(cy.abs());
         let margin = (size + self.delta) * (self.delta * 6.0);
         let (least, most) = (u.min(v).min(w), u.max(v).max(w));
         let (near, far) = (az.min(bz).min(cz), az.max(bz).max(cz));
-        let beside = least.cmplt(-margin) & most.cmpgt(margin);
-        let behind = far.cmplt(self.delta * -2.0);
-        let beyond = near.cmpgt(Vec4::splat(t_max) + self.delta * 2.0);
+        let beside = least.simd_lt(-margin) & most.simd_gt(margin);
+        let behind = far.simd_lt(self.delta * -2.0);
+        let beyond = near.simd_gt(t_max + self.delta * 2.0);
         // Lanes without a triangle compare as nothing, and are told by their least.
-        (!(beside | behind | beyond) & least.cmple(Vec4::INFINITY)).bitmask()
+        (!(beside | behind | beyond) & least.simd_le(f32::INFINITY)).to_bitmask() as u32
     }
 
     /// Distance to the plane of a triangle with unit `normal`, of either sign, and the cosine between them.

@@ -1,6 +1,6 @@
 //! Proofs that rays are free, so that they need not be cast. Every answer true is proven, false may mean not proven.
 
-use crate::accel::{BOX_MARGIN, Block, Boxes, Packet, T_UP, TriangleTree};
+use crate::accel::{BOX_MARGIN, Block, Boxes, Eight, Packet, T_UP, TriangleTree, WIDTH};
 use crate::world::{Placed, World};
 use crate::{FacetId, Mesh};
 use glam::{DVec3, Vec4};
@@ -157,7 +157,7 @@ impl World {
                     |first, count| {
                         packets[first..first + count].iter().any(|packet| {
                             let near = boxes.near(packet);
-                            (0..4).filter(|lane| near >> lane & 1 == 1).any(|lane| {
+                            (0..WIDTH).filter(|lane| near >> lane & 1 == 1).any(|lane| {
                                 let triangle = packet.triangle[lane];
                                 if own == Some((instance, mesh.facet_of(triangle) as usize)) {
                                     return false;
@@ -219,6 +219,16 @@ fn corners(mesh: &Mesh, placed: &Placed, triangle: u32) -> [DVec3; 3] {
     if placed.in_place { corners } else { corners.map(|c| placed.to_world.transform_point3(c)) }
 }
 
+/// The first four of eight numbers, or the other.
+fn half(eight: &Eight, half: usize) -> Vec4 {
+    Vec4::from_slice(&eight[4 * half..])
+}
+
+/// A bit for each of eight, from those of their halves.
+fn both_halves(bits: impl Fn(usize) -> u32) -> u32 {
+    bits(0) | bits(1) << 4
+}
+
 /// Boxes against the half-space n·v > limit, in a block's `f32` coordinates. The boxes' margin covers the rounding.
 struct Plane {
     n: [Vec4; 3],
@@ -241,18 +251,19 @@ impl Plane {
         }
     }
     fn rising(&self, b: &Boxes) -> u32 {
-        let half = |h: usize| {
-            let highest = |a: usize| (self.n[a] * b[a][h]).max(self.n[a] * b[a + 3][h]);
+        both_halves(|h| {
+            let highest = |a: usize| (self.n[a] * half(&b[a], h)).max(self.n[a] * half(&b[a + 3], h));
             (highest(0) + highest(1) + highest(2)).cmpgt(self.limit).bitmask()
-        };
-        half(0) | half(1) << 4
+        })
     }
     fn rising_corners(&self, packet: &Packet) -> u32 {
-        let height = |c: usize| {
-            let corner = packet.corner(c);
-            self.n[0] * corner[0] + self.n[1] * corner[1] + self.n[2] * corner[2]
-        };
-        height(0).max(height(1)).max(height(2)).cmpgt(self.limit - self.margin).bitmask()
+        both_halves(|h| {
+            let height = |corner: &[Eight; 3]| {
+                self.n[0] * half(&corner[0], h) + self.n[1] * half(&corner[1], h) + self.n[2] * half(&corner[2], h)
+            };
+            let [a, b, c] = &packet.corners;
+            height(a).max(height(b)).max(height(c)).cmpgt(self.limit - self.margin).bitmask()
+        })
     }
 }
 
@@ -394,7 +405,7 @@ impl Shaft {
         let grown =
             half + ball * (far * self.tan) + DVec3::splat(1e-12 * (o.abs().max_element() + f64::from(block.half)));
         let around = Block { lo: block.lo - grown, hi: block.hi + grown, ..*block };
-        let (enter, _) = around.clip(o, d, f64::INFINITY)?;
+        let (enter, _) = around.clip(o, 1.0 / d, f64::INFINITY)?;
         let at = o + d * enter - block.centre;
         // u = 2⁻²⁴ and m with the growth: corners 1 um, start 1 um, direction 4 um, half-size 1 um, ball 8 um
         let slack = 12.0 * f64::from(f32::EPSILON) * (f64::from(block.half) + grown.max_element());
@@ -434,15 +445,19 @@ struct ShaftBoxes {
 
 impl ShaftBoxes {
     fn met(&self, b: &Boxes) -> u32 {
-        let half = |h: usize| self.met_by([b[0][h], b[1][h], b[2][h]], [b[3][h], b[4][h], b[5][h]]);
-        let met = half(0) | half(1) << 4;
+        let met = both_halves(|h| self.met_by([0, 1, 2].map(|a| half(&b[a], h)), [3, 4, 5].map(|a| half(&b[a], h))));
         self.plane.as_ref().map_or(met, |p| met & p.rising(b))
     }
 
     /// A bit for each triangle of a packet whose box is met and that rises above the plane.
     fn near(&self, packet: &Packet) -> u32 {
-        let (lo, hi) = packet.bounds();
-        let met = self.met_by(lo, hi);
+        let [a, b, c] = &packet.corners;
+        let met = both_halves(|h| {
+            let of = |x: usize| [a, b, c].map(|corner| half(&corner[x], h));
+            let lo = [0, 1, 2].map(|x| of(x).into_iter().reduce(Vec4::min).unwrap_or(Vec4::NAN));
+            let hi = [0, 1, 2].map(|x| of(x).into_iter().reduce(Vec4::max).unwrap_or(Vec4::NAN));
+            self.met_by(lo, hi)
+        });
         self.plane.as_ref().map_or(met, |p| met & p.rising_corners(packet))
     }
 

@@ -19,7 +19,7 @@ use std::sync::LazyLock;
 use glam::{DAffine3, DMat3, DVec2, DVec3};
 use smallvec::SmallVec;
 
-use crate::accel::{Boxes, TriangleTree};
+use crate::accel::{Boxes, TriangleTree, WIDTH};
 use crate::clearance::rounding;
 use crate::world::World;
 
@@ -179,19 +179,16 @@ impl Turned {
 
     /// A bit for each box that must be looked into.
     fn wanted(&self, boxes: &Boxes, rising: &Rising) -> u32 {
-        let mut wanted = 0;
-        for i in 0..8 {
-            let at = |side: usize| f64::from(boxes[side][i >> 2][i & 3]);
+        let is_wanted = |i: &usize| {
+            let at = |side: usize| f64::from(boxes[side][*i]);
             let (lo, hi) = (DVec3::new(at(0), at(1), at(2)), DVec3::new(at(3), at(4), at(5)));
             if lo.x > hi.x {
-                continue;
+                return false;
             }
             let (middle, half) = (self.matrix * (0.5 * (lo + hi)) + self.shift, self.size * (0.5 * (hi - lo)));
-            if !matches!(rising.met(middle - half, middle + half, self.rounding, false), Met::Done) {
-                wanted |= 1 << i;
-            }
-        }
-        wanted
+            !matches!(rising.met(middle - half, middle + half, self.rounding, false), Met::Done)
+        };
+        (0..WIDTH).filter(is_wanted).fold(0, |wanted, i| wanted | 1 << i)
     }
 }
 

@@ -1,9 +1,10 @@
 //! The world: instances of meshes and the endless ground, and the rays through them.
 
-use crate::accel::{Block, Bounds, BoxRay, MOST_ENTRIES, T_UP, Tree, TriangleRay, TriangleTree};
+use crate::accel::{Block, Bounds, BoxRay, MOST_ENTRIES, T_UP, Tree, TriangleRay, TriangleTree, WIDTH};
 use crate::clearance::OpenCache;
 use crate::facet::area_vector;
 use crate::{Facet, FacetId, GROUND_OBJECT, Hit, Instance, MaterialId, Mesh, MeshBuilder, Ray};
+use fearless_simd::{Level, Simd, dispatch};
 use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
 use smallvec::SmallVec;
@@ -149,6 +150,8 @@ pub struct World {
     facet_count: usize,
     triangle_count: usize,
     pub(crate) open: OpenCache,
+    /// Vectors of the machine.
+    level: Level,
 }
 
 impl World {
@@ -245,6 +248,7 @@ impl World {
             placed,
             ground,
             triangle_count,
+            level: Level::new(),
         })
     }
 
@@ -252,7 +256,7 @@ impl World {
     /// on the ground hides it.
     pub fn closest(&self, ray: &Ray) -> Option<Hit> {
         let mut best = Best { t: ray.t_max, end: ray.t_max, tolerance: 0.0, found: None };
-        self.trace::<true>(ray, &mut best);
+        dispatch!(self.level, simd => self.trace::<_, true>(simd, ray, &mut best));
         let facet = best.found.as_ref().map(|found| self.hit(ray, best.t, found));
         let Some((ground, t)) = self.ground.as_ref().and_then(|g| Some((g, meet_ground(g, ray)?))) else {
             return facet;
@@ -265,8 +269,10 @@ impl World {
 
     /// Whether anything is met.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.ground.as_ref().is_some_and(|g| meet_ground(g, ray).is_some())
-            || self.trace::<false>(ray, &mut Best { t: ray.t_max, end: ray.t_max, tolerance: 0.0, found: None })
+        self.ground.as_ref().is_some_and(|g| meet_ground(g, ray).is_some()) || {
+            let mut best = Best { t: ray.t_max, end: ray.t_max, tolerance: 0.0, found: None };
+            dispatch!(self.level, simd => self.trace::<_, false>(simd, ray, &mut best))
+        }
     }
 
     /// Lowest and highest coordinates of the facets \[m\], the ground left out; `None` without facets.
@@ -342,28 +348,42 @@ impl World {
 
     /// Lowers `best` to the nearest facet if `CLOSEST`, else answers whether there is any before its `t`.
     #[inline(always)]
-    fn trace<const CLOSEST: bool>(&self, ray: &Ray, best: &mut Best) -> bool {
+    fn trace<S: Simd, const CLOSEST: bool>(&self, simd: S, ray: &Ray, best: &mut Best) -> bool {
         let (o, d) = (ray.origin, ray.direction.vec());
         let Some(top) = &self.top else { return false };
         if top.order.len() <= FEW {
-            return top.order.iter().any(|&placed| self.trace_placed::<CLOSEST>(placed, o, d, best));
+            return top.order.iter().any(|&placed| self.trace_placed::<S, CLOSEST>(simd, placed, o, d, best));
         }
-        let Some((enter, leave)) = top.block.clip(o, d, best.t) else { return false };
-        let box_ray = BoxRay::new(o + d * enter - top.block.centre, d);
+        let inv = 1.0 / d;
+        let Some((enter, leave)) = top.block.clip(o, inv, best.t) else { return false };
+        let box_ray = BoxRay::new(o + d * enter - top.block.centre, inv);
         let until = |best: &Best| ((best.t + best.tolerance).min(leave) - enter) as f32 * T_UP;
-        top.tree.walk::<CLOSEST>(&box_ray, until(best), |first, count, t_max| {
-            for &placed in &top.order[first..first + count] {
-                if self.trace_placed::<CLOSEST>(placed, o, d, best) {
-                    return true;
+        top.tree.walk::<S, CLOSEST>(
+            simd,
+            &box_ray,
+            until(best),
+            #[inline(always)]
+            |first, count, t_max| {
+                for &placed in &top.order[first..first + count] {
+                    if self.trace_placed::<S, CLOSEST>(simd, placed, o, d, best) {
+                        return true;
+                    }
                 }
-            }
-            *t_max = until(best);
-            false
-        })
+                *t_max = until(best);
+                false
+            },
+        )
     }
 
-    #[inline]
-    fn trace_placed<const CLOSEST: bool>(&self, index: u32, o: DVec3, d: DVec3, best: &mut Best) -> bool {
+    #[inline(always)]
+    fn trace_placed<S: Simd, const CLOSEST: bool>(
+        &self,
+        simd: S,
+        index: u32,
+        o: DVec3,
+        d: DVec3,
+        best: &mut Best,
+    ) -> bool {
         let placed = &self.placed[index as usize];
         let Some(TriangleTree { block, tree, packets }) = &self.trees[placed.mesh] else { return false };
         let mesh = self.mesh_of(placed);
@@ -374,52 +394,59 @@ impl World {
             (placed.from_world.transform_point3(o), d, d.length())
         };
         // t runs in the world's metres; in the block the ray starts at its entry and runs in the object's lengths
-        let Some((enter, leave)) = block.clip(o, d, best.t + best.tolerance) else { return false };
-        let (start, unit) = (o + d * enter, d / length);
-        let box_ray = BoxRay::new(start - block.centre, unit);
-        let ray = TriangleRay::new(block, start, unit);
+        let inv = 1.0 / d;
+        let Some((enter, leave)) = block.clip(o, inv, best.t + best.tolerance) else { return false };
+        let (start, unit, inv) = (o + d * enter, d / length, inv * length);
+        let box_ray = BoxRay::new(start - block.centre, inv);
+        let ray = TriangleRay::new(block, start, unit, inv);
         let until = |best: &Best| (((best.t + best.tolerance).min(leave) - enter) * length) as f32 * T_UP;
-        tree.walk::<CLOSEST>(&box_ray, until(best), |first, count, t_max| {
-            for packet in &packets[first..first + count] {
-                let mut left = ray.filter(packet, *t_max);
-                while left != 0 {
-                    let triangle = packet.triangle[left.trailing_zeros() as usize & 3];
-                    left &= left - 1;
-                    let corners = mesh.triangle(triangle as usize);
-                    let normal = mesh.normal(triangle, &corners);
-                    let (s, cos) = ray.distance(&corners, normal);
-                    let t = enter + s / length;
-                    if !(t > 0.0 && t < best.end) {
-                        continue;
-                    }
-                    if !CLOSEST {
-                        if ray.weights(&corners).is_some() {
-                            return true;
+        tree.walk::<S, CLOSEST>(
+            simd,
+            &box_ray,
+            until(best),
+            #[inline(always)]
+            |first, count, t_max| {
+                for packet in &packets[first..first + count] {
+                    let mut left = ray.filter(simd, packet, *t_max);
+                    while left != 0 {
+                        let triangle = packet.triangle[left.trailing_zeros() as usize & (WIDTH - 1)];
+                        left &= left - 1;
+                        let corners = mesh.triangle(triangle as usize);
+                        let normal = mesh.normal(triangle, &corners);
+                        let (s, cos) = ray.distance(&corners, normal);
+                        let t = enter + s / length;
+                        if !(t > 0.0 && t < best.end) {
+                            continue;
                         }
-                        continue;
-                    }
-                    // Closer than this across the facet, the rounding of corners and of the ray's start would decide.
-                    let reach = block.lo.abs().max(block.hi.abs()).max_element();
-                    let tolerance = 16.0 * f64::EPSILON * (reach / length + t) / cos.abs().max(1e-3);
-                    if t > best.t + tolerance {
-                        continue;
-                    }
-                    let Some(weights) = ray.weights(&corners) else { continue };
-                    let front = cos <= 0.0;
-                    let found = Found { placed: index, triangle, weights, front };
-                    let better = match &best.found {
-                        Some(old) if t > best.t - tolerance => self.rank(&found) < self.rank(old),
-                        _ => true,
-                    };
-                    if better {
-                        (best.t, best.tolerance, best.found) = (t, tolerance, Some(found));
-                        *t_max = until(best);
+                        if !CLOSEST {
+                            if ray.weights(&corners).is_some() {
+                                return true;
+                            }
+                            continue;
+                        }
+                        // Closer than this across the facet, the rounding of corners and of the ray's start would decide.
+                        let reach = block.lo.abs().max(block.hi.abs()).max_element();
+                        let tolerance = 16.0 * f64::EPSILON * (reach / length + t) / cos.abs().max(1e-3);
+                        if t > best.t + tolerance {
+                            continue;
+                        }
+                        let Some(weights) = ray.weights(&corners) else { continue };
+                        let front = cos <= 0.0;
+                        let found = Found { placed: index, triangle, weights, front };
+                        let better = match &best.found {
+                            Some(old) if t > best.t - tolerance => self.rank(&found) < self.rank(old),
+                            _ => true,
+                        };
+                        if better {
+                            (best.t, best.tolerance, best.found) = (t, tolerance, Some(found));
+                            *t_max = until(best);
+                        }
                     }
                 }
-            }
-            *t_max = until(best);
-            false
-        })
+                *t_max = until(best);
+                false
+            },
+        )
     }
 
     /// Of hits at one place the least counts.
@@ -597,5 +624,39 @@ impl Top {
             (order.len() - leaf.len(), leaf.len())
         });
         Some(Self { block, tree, order })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use sunglint_radiometry::WorldDir;
+
+    /// What vectors a machine has decides how fast rays are, and no bit of what they meet.
+    #[test]
+    fn all_vectors_meet_the_same() {
+        let mut seed = 1_u64;
+        let mut next = |lo: f64, hi: f64| {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            lo + (hi - lo) * ((seed >> 11) as f64) * 2f64.powi(-53)
+        };
+        let mut point = |half: f64| DVec3::new(next(-half, half), next(-half, half), next(-half, half));
+        let facets = (0..3000).filter_map(|_| {
+            let at = point(10.0);
+            Facet::new(vec![at, at + point(1.0), at + point(1.0)], MaterialId(1)).ok()
+        });
+        let mesh = Mesh::from_facets(facets.collect());
+        let instances = (0..40).map(|i| {
+            let pose =
+                DAffine3::from_translation(point(30.0)) * DAffine3::from_scale(DVec3::splat(0.2 + 0.02 * f64::from(i)));
+            Instance { mesh: 0, pose, name: format!("object {i}"), id: i }
+        });
+        let mut world = World::new(vec![mesh], instances.collect(), None).expect("a world");
+        let rays: Vec<Ray> = (0..2000).map(|_| Ray::new(point(20.0), WorldDir::new(point(1.0)))).collect();
+        let met = |world: &World| rays.iter().map(|ray| (world.closest(ray), world.occluded(ray))).collect::<Vec<_>>();
+        let found = met(&world);
+        assert!(found.iter().filter(|(hit, _)| hit.is_some()).count() > 500);
+        world.level = Level::baseline();
+        assert_eq!(found, met(&world));
     }
 }
