@@ -216,7 +216,7 @@ fn halved((mut low, mut high): (f64, f64), times: u32, is_low: impl Fn(f64) -> b
 }
 
 /// What a sample is worth in a view whose error is asked for over the image: the least by which one must lower the mean square of
-/// the relative standard error, so that at last all samples are worth the same [Neyman1934].
+/// the relative standard error, so that at last all samples are worth the same \[Neyman1934\].
 #[derive(Clone, Debug, PartialEq)]
 pub struct Worth {
     /// By time and channel.
