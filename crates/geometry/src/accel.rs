@@ -249,7 +249,7 @@ impl Tree {
                 let node = &self.nodes[code as usize];
                 let (enter, mut met) = ray.meet(simd, node, t_max);
                 if met != 0 {
-                    let first = met.trailing_zeros() as usize & 7;
+                    let first = met.trailing_zeros() as usize & (WIDTH - 1);
                     met &= met - 1;
                     if met == 0 {
                         code = node.child[first];
@@ -262,17 +262,17 @@ impl Tree {
                         let mut sorted = [0_u64; WIDTH];
                         let mut n = 0;
                         while met != 0 {
-                            let mut next = key(met.trailing_zeros() as usize & 7);
+                            let mut next = key(met.trailing_zeros() as usize & (WIDTH - 1));
                             met &= met - 1;
                             if next < nearest {
                                 std::mem::swap(&mut next, &mut nearest);
                             }
                             let mut at = n;
                             while at > 0 && sorted[at - 1] < next {
-                                sorted[at & 7] = sorted[at - 1];
+                                sorted[at & (WIDTH - 1)] = sorted[at - 1];
                                 at -= 1;
                             }
-                            sorted[at & 7] = next;
+                            sorted[at & (WIDTH - 1)] = next;
                             n += 1;
                         }
                         sorted[..n].iter().for_each(|&k| pending.push(k));
@@ -280,7 +280,7 @@ impl Tree {
                     } else {
                         code = node.child[first];
                         while met != 0 {
-                            pending.push(key(met.trailing_zeros() as usize & 7));
+                            pending.push(key(met.trailing_zeros() as usize & (WIDTH - 1)));
                             met &= met - 1;
                         }
                     }

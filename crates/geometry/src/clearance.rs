@@ -453,10 +453,8 @@ impl ShaftBoxes {
     fn near(&self, packet: &Packet) -> u32 {
         let [a, b, c] = &packet.corners;
         let met = both_halves(|h| {
-            let of = |x: usize| [a, b, c].map(|corner| half(&corner[x], h));
-            let lo = [0, 1, 2].map(|x| of(x).into_iter().reduce(Vec4::min).unwrap_or(Vec4::NAN));
-            let hi = [0, 1, 2].map(|x| of(x).into_iter().reduce(Vec4::max).unwrap_or(Vec4::NAN));
-            self.met_by(lo, hi)
+            let [a, b, c] = [a, b, c].map(|corner| [0, 1, 2].map(|x| half(&corner[x], h)));
+            self.met_by([0, 1, 2].map(|x| a[x].min(b[x]).min(c[x])), [0, 1, 2].map(|x| a[x].max(b[x]).max(c[x])))
         });
         self.plane.as_ref().map_or(met, |p| met & p.rising_corners(packet))
     }
