@@ -12,7 +12,7 @@
 //! ```
 
 use std::collections::HashMap;
-use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::f64::consts::{FRAC_1_SQRT_2, FRAC_PI_2, PI, TAU};
 use std::sync::{Arc, OnceLock};
 
 use glam::{DVec2, DVec3};
@@ -284,6 +284,51 @@ fn fluxes(media: &[Medium], shells: &Shells, zeniths: &[f64], settings: &Setting
 pub(crate) struct Nodes {
     zeniths: Vec<f64>,
     azimuths: Vec<f64>,
+    /// Both again, as [`of_zenith`] and [`of_azimuth`].
+    by_zenith: Axis,
+    by_azimuth: Axis,
+}
+
+/// √(1 − cos θ) of a zenith angle's cosine, 0 at the zenith and 1 at the horizon: in proportion to the angle near the zenith, and
+/// told without a trigonometric function.
+fn of_zenith(cos_zenith: f64) -> f64 {
+    (1.0 - cos_zenith).max(0.0).sqrt()
+}
+
+/// sin(Δφ/2) of the cosine of an azimuth from the sun's: in proportion to the azimuth about the sun, whose peak is no parabola.
+fn of_azimuth(cos_azimuth: f64) -> f64 {
+    (0.5 * (1.0 - cos_azimuth)).max(0.0).sqrt()
+}
+
+/// Rising places from 0 to 1 between which values run straight.
+#[derive(Clone, Debug)]
+struct Axis {
+    places: Vec<f64>,
+    /// The last place at or before each of even steps from 0 to 1.
+    starts: Vec<usize>,
+}
+
+impl Axis {
+    const STEPS: usize = 64;
+
+    fn new(places: Vec<f64>) -> Self {
+        let last = places.len() - 2;
+        let start = |i: usize| {
+            let x = i as f64 / Self::STEPS as f64;
+            places.partition_point(|place| *place <= x).saturating_sub(1).min(last)
+        };
+        Self { starts: (0..=Self::STEPS).map(start).collect(), places }
+    }
+
+    /// The place before x and the share of the next.
+    fn between(&self, x: f64) -> (usize, f64) {
+        let mut i = self.starts[((x * Self::STEPS as f64) as usize).min(Self::STEPS)];
+        while i + 2 < self.places.len() && self.places[i + 1] <= x {
+            i += 1;
+        }
+        let (low, high) = (self.places[i], self.places[i + 1]);
+        (i, ((x - low) / (high - low)).clamp(0.0, 1.0))
+    }
 }
 
 /// Zenith angles \[deg\], denser where the air thickens.
@@ -320,6 +365,8 @@ impl Nodes {
         Self {
             zeniths: ZENITHS.iter().map(|z| z.to_radians()).collect(),
             azimuths: AZIMUTHS.iter().map(|a| a.to_radians()).collect(),
+            by_zenith: Axis::new(ZENITHS.iter().map(|z| of_zenith(z.to_radians().cos())).collect()),
+            by_azimuth: Axis::new(AZIMUTHS.iter().map(|a| of_azimuth(a.to_radians().cos())).collect()),
         }
     }
 
@@ -519,16 +566,16 @@ struct NodeSky {
 #[derive(Clone, Debug)]
 struct Shape {
     sun: WorldDir,
-    /// What peaked scatterers make of the beam, at scattering angles π (i/n)²; empty where there are none.
+    /// What peaked scatterers make of the beam, by scattering angle Θ: where sin(Θ/2) = (i/n)²; empty where there are none.
     halo: Vec<f64>,
-    /// ln of either part (the peaked one without its P), by azimuth 0, π/2, π and zenith angle in even steps.
+    /// ln of either part (the peaked one without its P), by azimuth 0, π/2, π and in even steps of [`of_zenith`].
     parts: [[Vec<f64>; 3]; 2],
 }
 
 impl Shape {
     const AZIMUTHS: [f64; 3] = [0.0, FRAC_PI_2, PI];
     const HALO: usize = 360;
-    const STEPS: usize = 90;
+    const STEPS: usize = 112;
 
     /// Of each sun, from one column.
     fn of_suns(medium: &Medium, shells: &Shells, zeniths: &[f64], settings: &Settings) -> Vec<Self> {
@@ -542,7 +589,8 @@ impl Shape {
         let rays: Vec<(f64, Sight, Crossed, Vec<Projected>)> = (0..=Self::STEPS)
             .into_par_iter()
             .map(|i| {
-                let zenith = FRAC_PI_2 * i as f64 / Self::STEPS as f64;
+                // The inverse of `of_zenith`.
+                let zenith = (2.0 * (i as f64 / Self::STEPS as f64 * FRAC_1_SQRT_2).asin()).min(FRAC_PI_2);
                 let streams = settings.streams;
                 let sight = Sight::new(shells, lattice, Look::Up, (0.0, zenith), all, streams, streams);
                 let weighed = [Weighed::new(&optics, &sight, &starts, fields.draws_by_place(&sight))];
@@ -578,7 +626,7 @@ impl Shape {
                     // At the height of the sun, where the halo counts.
                     let has_halo = all[0].of_peaked(&bundle).any(|(k, _)| k > 0.0);
                     if halo.is_empty() && has_halo && *zenith >= sun.min(88f64.to_radians()) {
-                        let at = |i: usize| (PI * (i as f64 / Self::HALO as f64).powi(2)).cos();
+                        let at = |i: usize| 1.0 - 2.0 * (i as f64 / Self::HALO as f64).powi(4);
                         halo = (0..=Self::HALO).map(|i| all[0].halo(&bundle, at(i))).collect();
                     }
                 }
@@ -590,12 +638,14 @@ impl Shape {
     /// Both parts at a zenith angle and an azimuth from the sun's, the angle from the sun being no less than `least` \[rad\];
     /// the second is nothing without peaked scatterers.
     fn outside(&self, zenith: f64, azimuth: f64, least: f64) -> [f64; 2] {
-        self.towards(zenith, azimuth.cos(), WorldDir::from_zenith_azimuth(zenith, azimuth), least)
+        let from_sun = WorldDir::from_zenith_azimuth(zenith, azimuth).vec() - self.sun.vec();
+        let chord = from_sun.length().max(2.0 * (0.5 * least).sin());
+        self.towards(of_zenith(zenith.cos()), azimuth.cos(), chord)
     }
 
-    /// The same along a direction whose azimuth counts from the sun's; its zenith angle and the cosine of its azimuth are known.
-    fn towards(&self, zenith: f64, c: f64, direction: WorldDir, least: f64) -> [f64; 2] {
-        let x = zenith / FRAC_PI_2 * Self::STEPS as f64;
+    /// The same at a place among zenith angles, a cosine of the azimuth from the sun's, and a chord 2 sin(Θ/2) from the sun.
+    fn towards(&self, zenith: f64, c: f64, chord: f64) -> [f64; 2] {
+        let x = zenith * Self::STEPS as f64;
         // Through cos Δφ = 1, 0, −1.
         let shares = [0.5 * c * (c + 1.0), 1.0 - c * c, 0.5 * c * (c - 1.0)];
         let part = |part: &[Vec<f64>; 3]| -> f64 {
@@ -604,8 +654,7 @@ impl Shape {
         if self.halo.is_empty() {
             return [part(&self.parts[0]), 0.0];
         }
-        let angle = direction.angle_to(self.sun);
-        let halo = line(&self.halo, (angle.max(least) / PI).sqrt() * Self::HALO as f64);
+        let halo = line(&self.halo, (0.5 * chord).sqrt() * Self::HALO as f64);
         [part(&self.parts[0]), halo * part(&self.parts[1])]
     }
 }
@@ -656,12 +705,6 @@ wide_too! {
 fn line(values: &[f64], x: f64) -> f64 {
     let i = (x.max(0.0) as usize).min(values.len() - 2);
     values[i] + (values[i + 1] - values[i]) * (x - i as f64).clamp(0.0, 1.0)
-}
-
-/// The node before x and the share of the next.
-fn between(nodes: &[f64], x: f64) -> (usize, f64) {
-    let i = nodes.partition_point(|node| *node <= x).clamp(1, nodes.len() - 1) - 1;
-    (i, ((x - nodes[i]) / (nodes[i + 1] - nodes[i])).clamp(0.0, 1.0))
 }
 
 /// What all suns share.
@@ -1000,13 +1043,12 @@ impl SkyState for ColumnSkyState {
         let to_sun = of_sun.try_normalize().unwrap_or(DVec2::Y);
         let (along, across) = (to_sun.dot(v.truncate()), to_sun.perp_dot(v.truncate()).abs());
         let level = (along * along + across * across).sqrt();
-        let zenith = level.atan2(v.z);
-        let azimuth = across.atan2(along);
         let cos_azimuth = if level > 0.0 { along / level } else { 1.0 };
-        let from_sun = WorldDir::from_unit(DVec3::new(across, along, v.z));
-        let [smooth, peaked] = shape.towards(zenith, cos_azimuth, from_sun, 0.0);
-        let (j, across) = between(&nodes.zeniths, zenith);
-        let (k, along) = between(&nodes.azimuths, azimuth);
+        let chord = (DVec3::new(across, along, v.z) - shape.sun.vec()).length();
+        let zenith = of_zenith(v.z);
+        let [smooth, peaked] = shape.towards(zenith, cos_azimuth, chord);
+        let (j, across) = nodes.by_zenith.between(zenith);
+        let (k, along) = nodes.by_azimuth.between(of_azimuth(cos_azimuth));
         for (row, of_row) in [(j, 1.0 - across), (j + 1, across)] {
             if row == 0 {
                 weights.push((0, of_row));

@@ -74,8 +74,8 @@ Parameters
              ln of the path's source are interpolated, absorption of the sun's light left apart. full: radiances
              everywhere, for checks
 
-Sky: L_d is known at 20 zenith angles by 15 azimuths from the sun's, and runs straight between them as a ratio to a shape
-that has the aureole and the brightening horizon in it.
+Sky: L_d is known at 20 zenith angles by 15 azimuths from the sun's. Between them, in sin(θ/2) and in sin(Δφ/2), its ratio
+to a shape runs straight that has the aureole and the brightening horizon in it.
 
 Validity
   Scalar: polarisation is left out. Where molecules scatter most, in blue without haze, radiances err by up to 10 %, too

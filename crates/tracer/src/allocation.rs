@@ -46,7 +46,7 @@ impl First {
         let facet = |sample: usize| Some(paths.vertices[paths.samples[sample].vertex? as usize].hit.facet);
         let facets = traced.iter().map(|pixel| std::array::from_fn(|r| facet(pixel.samples.start + r))).collect();
         let sky_views = traced.iter().map(|pixel| mean_sky_view(paths, pixel)).collect();
-        let lightable = Lightable::new(view, &traced, lattice, paths, false);
+        let lightable = Lightable::new(view, &traced, lattice, paths, view.times.len(), false);
         let mut rays = RayCounts::default();
         let mut last = LastSun::default();
         let times = (view.times.iter().enumerate())

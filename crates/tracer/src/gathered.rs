@@ -12,6 +12,7 @@ use crate::light::Block;
 use crate::paths::{Record, Source};
 use crate::pixel::Term;
 use crate::unseen::{Found, half_of};
+use crate::vectors::{OfReplicates, of_replicates};
 use crate::{Nodes, Paths};
 
 /// Records of one pixel that lie together in all but the sample: their sums by replicate.
@@ -25,7 +26,7 @@ pub(crate) struct Merged {
     replicates: SmallVec<[u8; REPLICATES]>,
     sums: Vec<f64>,
     /// Where these are many: all replicates at one node after another.
-    by_node: Vec<[f64; REPLICATES]>,
+    by_node: Vec<OfReplicates>,
 }
 
 /// So many replicates cost as much one by one as all of them side by side.
@@ -378,7 +379,7 @@ pub(crate) struct Sums<'a> {
     nodes: &'a Nodes,
     /// One over the samples of each replicate.
     each: [f64; REPLICATES],
-    pub radiance: Vec<[f64; REPLICATES]>,
+    pub radiance: Vec<OfReplicates>,
     pub terms: Vec<(Term, Vec<f64>)>,
     by_term: bool,
 }
@@ -391,14 +392,17 @@ impl<'a> Sums<'a> {
 
     /// Adds scale × Σ_q spectrum_q weights_q to each channel.
     pub fn add(&mut self, replicate: usize, term: Term, spectrum: &[f64], weights: &[f64], scale: f64) {
-        if scale == 0.0 {
-            return;
+        if scale != 0.0 {
+            self.add_values(replicate, term, self.nodes.products(spectrum, weights), scale);
         }
+    }
+
+    /// Adds scale × value to each channel.
+    pub fn add_values(&mut self, replicate: usize, term: Term, values: impl Iterator<Item = f64>, scale: f64) {
         let scale = scale * self.each[replicate];
-        let nodes = self.nodes;
         self.at(term, |sums| {
-            for (c, product) in nodes.products(spectrum, weights).enumerate() {
-                sums.one(c, replicate, scale * product);
+            for (c, value) in values.enumerate() {
+                sums.one(c, replicate, scale * value);
             }
         });
     }
@@ -417,10 +421,7 @@ impl<'a> Sums<'a> {
         self.at(merged.term, |sums| {
             for c in 0..sums.radiance.len() {
                 let rows = &merged.by_node[nodes.of_channel(c)];
-                let mut values = [0.0; REPLICATES];
-                for (row, weight) in rows.iter().zip(&weights[start..]) {
-                    values.iter_mut().zip(row).for_each(|(value, sum)| *value += weight * sum);
-                }
+                let values = of_replicates(&weights[start..], rows);
                 start += rows.len();
                 for (replicate, (value, each)) in values.iter().zip(&each).enumerate() {
                     sums.one(c, replicate, each * value);

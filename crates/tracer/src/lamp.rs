@@ -2,13 +2,15 @@
 
 use std::sync::{Arc, RwLock};
 
+use fearless_simd::{Simd, dispatch};
 use glam::DVec3;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 use sunglint_radiometry::{Channels, WorldDir};
 
-use crate::nodes::{add_rows, pivots};
+use crate::nodes::pivots;
 use crate::sightline::{Knot, Lattice, Share};
+use crate::vectors::{Four, add_rows, bilinear, extend_fours, fours, level, mix_fours, times};
 use crate::{Illumination, Nodes};
 
 /// What the sky's few terms may miss of each term's weights, of its mean over the channel.
@@ -25,8 +27,8 @@ pub(crate) struct Lamp {
     pub own: Vec<f64>,
     pub beam: Vec<f64>,
     pub mean_sky: Vec<f64>,
-    /// The terms that stand for the sky: for each channel and each of its terms the weights of its nodes.
-    sky: Vec<f64>,
+    /// The terms that stand for the sky: for each channel and each of its nodes the weights of its terms, in fours.
+    sky: Vec<Four>,
 }
 
 impl Lamp {
@@ -36,8 +38,13 @@ impl Lamp {
         let product = |spectra: &[&[f64]]| weights(channels, nodes, spectra, tau_2);
         let mut of_sky = Vec::new();
         for (c, channel) in lights.channels.iter().enumerate() {
+            let n = nodes.of_channel(c).len();
+            let mut by_term = Vec::with_capacity(n * channel.terms.len());
             for term in &channel.terms {
-                weights_of(c, channels, nodes, &terms[*term as usize], tau_2, &mut of_sky);
+                weights_of(c, channels, nodes, &terms[*term as usize], tau_2, &mut by_term);
+            }
+            for q in 0..n {
+                extend_fours(&mut of_sky, by_term.iter().skip(q).step_by(n).copied());
             }
         }
         let beam = match nodes.are_means() {
@@ -50,9 +57,9 @@ impl Lamp {
     /// Takes another's values and shape.
     pub fn copy(&mut self, other: &Self) {
         let Self { own, beam, mean_sky, sky } = other;
-        let pairs =
-            [(&mut self.own, own), (&mut self.beam, beam), (&mut self.mean_sky, mean_sky), (&mut self.sky, sky)];
+        let pairs = [(&mut self.own, own), (&mut self.beam, beam), (&mut self.mean_sky, mean_sky)];
         pairs.into_iter().for_each(|(to, from)| to.clone_from(from));
+        self.sky.clone_from(sky);
     }
 
     /// Takes another's shape, what is wanted all zero.
@@ -62,11 +69,14 @@ impl Lamp {
             (&mut self.own, own, wants.own),
             (&mut self.beam, beam, true),
             (&mut self.mean_sky, mean_sky, wants.mean_sky),
-            (&mut self.sky, sky, wants.sky),
         ];
         for (to, from, _) in sets.into_iter().filter(|(_, _, wanted)| *wanted) {
             to.clear();
             to.resize(from.len(), 0.0);
+        }
+        if wants.sky {
+            self.sky.clear();
+            self.sky.resize(sky.len(), [0.0; 4]);
         }
     }
 }
@@ -145,6 +155,11 @@ impl SkyOfChannel {
         Self { terms, amounts }
     }
 
+    /// Fours that hold its terms.
+    fn width(&self) -> usize {
+        fours(self.terms.len())
+    }
+
     /// How much of each chosen term the term `k` is.
     fn row(&self, k: usize) -> &[f64] {
         let m = self.terms.len();
@@ -176,14 +191,14 @@ pub struct Lights {
     /// The sky and the sun.
     pub illumination: Arc<Illumination>,
     channels: Vec<SkyOfChannel>,
-    /// Sum of the channels' numbers of terms.
-    n_amounts: usize,
-    /// By term of the sky, how much of each channel's terms it is, channel after channel.
-    amounts: Vec<f64>,
+    /// Sum of the fours of the channels' terms.
+    n_fours: usize,
+    /// By term of the sky, how much of each channel's terms it is, channel after channel, in fours.
+    amounts: Vec<Four>,
     /// Without a path.
     bare: Lamp,
     /// Amounts of the sky over an open facet, by the bits of its normal.
-    open: RwLock<FxHashMap<[u64; 3], Arc<[f64]>>>,
+    open: RwLock<FxHashMap<[u64; 3], Arc<[Four]>>>,
     knots: RwLock<FxHashMap<Knot, Arc<OfKnot>>>,
     /// How many are kept.
     most_knots: usize,
@@ -202,11 +217,14 @@ impl Lights {
             SkyOfChannel::new(&rows)
         };
         let of_channels: Vec<SkyOfChannel> = (0..channels.len()).map(of_channel).collect();
-        let row = |k: usize| of_channels.iter().flat_map(move |channel| channel.row(k));
+        let mut amounts = Vec::new();
+        for k in 0..rows.len() {
+            of_channels.iter().for_each(|channel| extend_fours(&mut amounts, channel.row(k).iter().copied()));
+        }
         let mut lights = Self {
-            amounts: (0..rows.len()).flat_map(row).copied().collect(),
+            amounts,
             illumination,
-            n_amounts: of_channels.iter().map(|channel| channel.terms.len()).sum(),
+            n_fours: of_channels.iter().map(SkyOfChannel::width).sum(),
             channels: of_channels,
             bare: Lamp::default(),
             open: RwLock::default(),
@@ -214,7 +232,7 @@ impl Lights {
             most_knots: 0,
         };
         lights.bare = Lamp::new(&lights, (channels, nodes), None);
-        let size = size_of::<f64>() * (3 * lights.bare.beam.len() + lights.bare.sky.len() + 2 * channels.len());
+        let size = size_of::<f64>() * (3 * lights.bare.beam.len() + 4 * lights.bare.sky.len() + 2 * channels.len());
         lights.most_knots = (KNOTS_LIMIT / size.max(1) / n_times.max(1)).max(FEWEST_KNOTS);
         lights
     }
@@ -224,15 +242,20 @@ impl Lights {
         &self.bare
     }
 
-    fn mix(&self, weights: &[(u32, f64)], amounts: &mut Vec<f64>) {
-        let n = self.n_amounts;
-        amounts.clear();
-        amounts.resize(n, 0.0);
-        add_rows(amounts, weights.iter().map(|(k, s)| (*s, &self.amounts[*k as usize * n..][..n])));
+    fn mix(&self, weights: &[(u32, f64)], amounts: &mut Vec<Four>) {
+        #[inline(always)]
+        fn on<S: Simd>(simd: S, lights: &Lights, weights: &[(u32, f64)], amounts: &mut [Four]) {
+            let n = lights.n_fours;
+            let rows: SmallVec<[(f64, &[Four]); 8]> =
+                weights.iter().map(|(k, s)| (*s, &lights.amounts[*k as usize * n..][..n])).collect();
+            mix_fours(simd, &rows, amounts);
+        }
+        amounts.resize(self.n_fours, [0.0; 4]);
+        dispatch!(level(), simd => on(simd, self, weights, amounts));
     }
 
     /// L_d(ω) as amounts; `weights` is for work. Whether it is more than black.
-    pub(crate) fn sky(&self, direction: WorldDir, weights: &mut Vec<(u32, f64)>, amounts: &mut Vec<f64>) -> bool {
+    pub(crate) fn sky(&self, direction: WorldDir, weights: &mut Vec<(u32, f64)>, amounts: &mut Vec<Four>) -> bool {
         self.illumination.sky.sky_weights(direction, weights);
         self.mix(weights, amounts);
         !weights.is_empty()
@@ -240,7 +263,7 @@ impl Lights {
 
     /// ∫ L_d cos θ dω / π over the part of the sky that a facet of this normal sees when only the horizon obstructs it, as
     /// amounts.
-    pub(crate) fn open_sky(&self, normal: DVec3) -> Arc<[f64]> {
+    pub(crate) fn open_sky(&self, normal: DVec3) -> Arc<[Four]> {
         let key = normal.to_array().map(f64::to_bits);
         if let Some(found) = self.open.read().expect("no holder of this lock panics").get(&key) {
             return found.clone();
@@ -249,21 +272,47 @@ impl Lights {
         let weights: Vec<(u32, f64)> = of_terms.into_iter().enumerate().map(|(k, w)| (k as u32, w)).collect();
         let mut amounts = Vec::new();
         self.mix(&weights, &mut amounts);
-        let fresh: Arc<[f64]> = amounts.into();
+        let fresh: Arc<[Four]> = amounts.into();
         self.open.write().expect("no holder of this lock panics").insert(key, fresh.clone());
         fresh
     }
 
     /// Weights of the nodes under a sky of these amounts.
-    pub(crate) fn of_sky(&self, lamp: &Lamp, nodes: &Nodes, amounts: &[f64], out: &mut Vec<f64>) {
-        out.clear();
+    pub(crate) fn of_sky(&self, lamp: &Lamp, nodes: &Nodes, amounts: &[Four], out: &mut Vec<f64>) {
         out.resize(lamp.beam.len(), 0.0);
-        let (mut start, mut of_lamp, mut amounts) = (0, lamp.sky.as_slice(), amounts);
+        let (mut out, mut of_lamp, mut amounts) = (out.as_mut_slice(), lamp.sky.as_slice(), amounts);
         for (c, channel) in self.channels.iter().enumerate() {
-            let (n, m) = (nodes.of_channel(c).len(), channel.terms.len());
-            add_rows(&mut out[start..start + n], amounts[..m].iter().copied().zip(of_lamp.chunks_exact(n.max(1))));
-            (start, of_lamp, amounts) = (start + n, &of_lamp[m * n..], &amounts[m..]);
+            let (own, later) = out.split_at_mut(nodes.of_channel(c).len());
+            let (of_channel, further) = amounts.split_at(channel.width());
+            let (matrix, others) = of_lamp.split_at(own.len() * channel.width());
+            own.fill(0.0);
+            times(matrix, of_channel, own);
+            (out, amounts, of_lamp) = (later, further, others);
         }
+    }
+
+    /// What a spectrum at the nodes makes of a sky of these amounts, in each channel.
+    pub(crate) fn by_sky(&self, lamp: &Lamp, nodes: &Nodes, spectrum: &[f64], amounts: &[Four], out: &mut Vec<f64>) {
+        #[inline(always)]
+        fn on<S: Simd>(
+            simd: S,
+            channels: &[SkyOfChannel],
+            (lamp, nodes): (&Lamp, &Nodes),
+            spectrum: &[f64],
+            amounts: &[Four],
+            out: &mut [f64],
+        ) {
+            let (mut of_lamp, mut amounts) = (lamp.sky.as_slice(), amounts);
+            for ((c, channel), out) in channels.iter().enumerate().zip(out) {
+                let own = &spectrum[nodes.of_channel(c)];
+                let (of_channel, further) = amounts.split_at(channel.width());
+                let (matrix, others) = of_lamp.split_at(own.len() * channel.width());
+                *out = bilinear(simd, own, matrix, of_channel);
+                (amounts, of_lamp) = (further, others);
+            }
+        }
+        out.resize(self.channels.len(), 0.0);
+        dispatch!(level(), simd => on(simd, &self.channels, (lamp, nodes), spectrum, amounts, out));
     }
 
     /// Adds what the pairs of knots of some shares give together to what is wanted of a lamp, and to L_u, channel by channel.
@@ -284,7 +333,9 @@ impl Lights {
             }
             let mix = |to: &mut [f64], of: fn(&OfKnot) -> &[f64], start: usize| {
                 let n = to.len();
-                add_rows(to, knots.iter().map(|(share, knot)| (*share, &of(knot)[start..start + n])));
+                let rows: SmallVec<[(f64, &[f64]); 8]> =
+                    knots.iter().map(|(share, knot)| (*share, &of(knot)[start..start + n])).collect();
+                add_rows(to, &rows);
             };
             let own = start..start + nodes.of_channel(c).len();
             mix(&mut lamp.beam[own.clone()], |knot| &knot.lamp.beam, start);
@@ -294,9 +345,9 @@ impl Lights {
             if wants.mean_sky {
                 mix(&mut lamp.mean_sky[own.clone()], |knot| &knot.lamp.mean_sky, start);
             }
-            let sky = of_sky..of_sky + own.len() * channel.terms.len();
+            let sky = of_sky..of_sky + own.len() * channel.width();
             if wants.sky {
-                mix(&mut lamp.sky[sky.clone()], |knot| &knot.lamp.sky, of_sky);
+                mix(lamp.sky[sky.clone()].as_flattened_mut(), |knot| knot.lamp.sky.as_flattened(), 4 * of_sky);
             }
             (start, of_sky) = (own.end, sky.end);
             l_u[c] += knots.iter().map(|(share, knot)| share * knot.upwelled[c]).sum::<f64>();

@@ -27,6 +27,7 @@ mod scenery;
 mod sightline;
 mod sun;
 mod unseen;
+mod vectors;
 
 pub use algorithm::{Algorithm, BUILTIN, EXACT, Lighting};
 pub use allocation::Worth;

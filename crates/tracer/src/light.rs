@@ -1,10 +1,12 @@
 //! Lights the paths of a block for one time.
 
+use std::cell::Cell;
 use std::f64::consts::PI;
 use std::ops::Range;
 use std::rc::Rc;
 use std::sync::Arc;
 
+use glam::DVec3;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 use sunglint_radiometry::{Channels, Frame, LocalDir, REPLICATES, WorldDir};
@@ -18,6 +20,7 @@ use crate::pixel::PixelRadiance;
 use crate::sightline::{Knot, Lattice, Shares};
 use crate::sun::{LastSun, Standing, Sun, SunLight, combined, glint};
 use crate::unseen::unseen;
+use crate::vectors::Four;
 use crate::{Illumination, Lighting, Lights, Nodes, Scenery, limb};
 
 /// What a block of pixels is lit with, whatever the time.
@@ -34,6 +37,9 @@ pub(crate) struct Block<'a> {
     lattice: &'a Lattice<'a>,
     has_caustics: bool,
     has_scatter: bool,
+    /// What times have drawn so far, by vertex; NaN where none has yet, empty where one time alone is lit.
+    disks: Vec<Cell<[f64; 2]>>,
+    free: Vec<Cell<DVec3>>,
 }
 
 impl<'a> Block<'a> {
@@ -43,11 +49,50 @@ impl<'a> Block<'a> {
         pixels: Vec<Range<usize>>,
         (channels, nodes): (&'a Channels, &'a Nodes),
         lattice: &'a Lattice<'a>,
+        n_times: usize,
     ) -> Self {
         let (groups, of_vertices) = paths.facet_groups();
         let has_caustics = paths.records.iter().any(|record| matches!(record.source, Source::Caustic { .. }));
         let has_scatter = paths.records.iter().any(|record| matches!(record.source, Source::Scatter { .. }));
-        Self { scenery, paths, channels, nodes, groups, of_vertices, pixels, lattice, has_caustics, has_scatter }
+        let n = if n_times > 1 { paths.vertices.len() } else { 0 };
+        let (disks, free) = (vec![Cell::new([f64::NAN; 2]); n], vec![Cell::new(DVec3::NAN); n]);
+        Self {
+            scenery,
+            paths,
+            channels,
+            nodes,
+            groups,
+            of_vertices,
+            pixels,
+            lattice,
+            has_caustics,
+            has_scatter,
+            disks,
+            free,
+        }
+    }
+
+    /// Point of the sun's disk that a vertex sees, in disk radii.
+    pub fn disk(&self, vertex: usize) -> [f64; 2] {
+        let draw = || self.paths.vertices[vertex].disk();
+        let Some(kept) = self.disks.get(vertex) else { return draw() };
+        if kept.get()[0].is_nan() {
+            kept.set(draw());
+        }
+        kept.get()
+    }
+
+    /// Where a vertex looks at the free part of a horizon.
+    fn free(&self, vertex: usize, horizon: u32, place: [f64; 2]) -> WorldDir {
+        let draw = || {
+            let normal = self.paths.vertices[vertex].hit.normal;
+            above_horizon(normal, self.paths.horizons.get(horizon).free(place))
+        };
+        let Some(kept) = self.free.get(vertex) else { return draw() };
+        if kept.get().is_nan() {
+            kept.set(draw().vec());
+        }
+        WorldDir::from_unit(kept.get())
     }
 
     /// Whether light passes through the surface of a group.
@@ -94,7 +139,8 @@ struct Work {
     lamps: Vec<(Lamp, Vec<f64>)>,
     alike: Vec<Alike>,
     weights: Vec<(u32, f64)>,
-    amounts: Vec<f64>,
+    amounts: Vec<Four>,
+    values: Vec<f64>,
     lamp: Vec<f64>,
     f: Vec<f64>,
     spectrum: Vec<f64>,
@@ -272,7 +318,7 @@ impl<'a> BlockLight<'a> {
                         if scale == 0.0 {
                             continue;
                         }
-                        match self.limb_of(&paths.vertices[i], spectrum) {
+                        match self.limb_of(i, spectrum) {
                             Some(limb) => sums.add(replicate, term, &limb, &lamp.beam, scale),
                             None => sums.add(replicate, term, spectrum, &lamp.beam, scale),
                         }
@@ -281,8 +327,8 @@ impl<'a> BlockLight<'a> {
                         if alike.open.is_none() && !self.sun.shaded[vertex as usize] =>
                     {
                         let amounts = self.lights.open_sky(normal);
-                        self.lights.of_sky(lamp, self.block.nodes, &amounts, &mut work.lamp);
-                        sums.add(replicate, term, spectrum, &work.lamp, record.weight);
+                        self.lights.by_sky(lamp, self.block.nodes, spectrum, &amounts, &mut work.values);
+                        sums.add_values(replicate, term, work.values.iter().copied(), record.weight);
                     }
                     _ => {}
                 }
@@ -303,8 +349,8 @@ impl<'a> BlockLight<'a> {
                 Source::Sky { .. } | Source::FreeSky { .. } => {
                     let Some((direction, share)) = self.looks_at(&record.source) else { continue };
                     if self.lights.sky(direction, &mut work.weights, &mut work.amounts) {
-                        self.lights.of_sky(lamp, self.block.nodes, &work.amounts, &mut work.lamp);
-                        sums.add(replicate, term, spectrum, &work.lamp, share * record.weight);
+                        self.lights.by_sky(lamp, self.block.nodes, spectrum, &work.amounts, &mut work.values);
+                        sums.add_values(replicate, term, work.values.iter().copied(), share * record.weight);
                     }
                 }
                 Source::Glint { vertex, mirror, escaped, solid_angle, half_angle, law } => {
@@ -358,9 +404,7 @@ impl<'a> BlockLight<'a> {
                 Some((direction, f64::from(u8::from(free)) - alpha(vertex))).filter(|(_, share)| *share != 0.0)
             }
             Source::FreeSky { vertex, horizon, place } if alpha(vertex) == 0.0 => {
-                let paths = self.block.paths;
-                let normal = paths.vertices[vertex as usize].hit.normal;
-                Some((above_horizon(normal, paths.horizons.get(horizon).free(place)), 1.0))
+                Some((self.block.free(vertex as usize, horizon, place), 1.0))
             }
             _ => None,
         }
@@ -384,12 +428,12 @@ impl<'a> BlockLight<'a> {
     }
 
     /// The same at the point of the disk that a vertex sees.
-    fn limb_of(&self, vertex: &Vertex, spectrum: &[f64]) -> Option<Vec<f64>> {
+    fn limb_of(&self, vertex: usize, spectrum: &[f64]) -> Option<Vec<f64>> {
         let Lighting { sun_disk, limb_darkening, .. } = self.lighting;
         if !(sun_disk && limb_darkening) {
             return None;
         }
-        let [x, y] = vertex.disk();
+        let [x, y] = self.block.disk(vertex);
         self.darkened(x.hypot(y), spectrum)
     }
 
@@ -406,12 +450,12 @@ impl<'a> BlockLight<'a> {
         let i = vertex as usize;
         let sun = self.disk.as_ref().filter(|_| self.sun.visible[i] * self.sun.cos[i] != 0.0)?;
         let vertex = &self.block.paths.vertices[i];
-        let incident = Frame::about(vertex.hit.normal).to_local(sun.of(vertex));
+        let incident = Frame::about(vertex.hit.normal).to_local(sun.of(self.block, i));
         if self.block.scenery.surface(vertex.hit.material).bsdf.is_lambertian_at(incident, outgoing) {
             return None;
         }
         let density = self.lobes(vertex, incident, outgoing, even, spectrum, work)?;
-        if let Some(limb) = self.limb_of(vertex, &work.spectrum) {
+        if let Some(limb) = self.limb_of(i, &work.spectrum) {
             work.spectrum = limb;
         }
         let drawn = 1.0 / self.time.sun_solid_angle();
@@ -455,8 +499,9 @@ impl<'a> BlockLight<'a> {
     ) -> Option<f64> {
         let scenery = self.block.scenery;
         let mirrors = &scenery.mirrors;
-        let vertex = &self.block.paths.vertices[vertex as usize];
-        let point = self.disk.as_ref()?.of(vertex);
+        let i = vertex as usize;
+        let vertex = &self.block.paths.vertices[i];
+        let point = self.disk.as_ref()?.of(self.block, i);
         if point.cos_zenith() <= 0.0 {
             return None;
         }
@@ -492,7 +537,7 @@ impl<'a> BlockLight<'a> {
             scenery.surface(hit.material).bsdf.mirror(local, &mut work.f);
             work.spectrum.iter_mut().zip(&work.f).for_each(|(t, rho)| *t *= rho);
         }
-        if let Some(limb) = self.limb_of(vertex, &work.spectrum) {
+        if let Some(limb) = self.limb_of(i, &work.spectrum) {
             work.spectrum = limb;
         }
         Some(incident.cos().abs())

@@ -256,15 +256,17 @@ fn throws(mirror: Ball, axis: DVec3, spread: f64, light: DVec3, ball: Ball) -> b
     reaches(mirror, -mirrored(light, axis), spread, ball)
 }
 
-/// Whether light from a ball towards a direction, within `spread` of it, may meet another ball.
+/// Whether light from a ball towards a direction, within `spread` of it, may meet another ball: where the angle between is no
+/// more than A = asin q + s, q the sum of the radii over the distance; more are let through, by cos s ≥ 1 − s²/2 and sin s ≤ s.
 fn reaches(mirror: Ball, towards: DVec3, spread: f64, ball: Ball) -> bool {
     let apart = ball.centre - mirror.centre;
     let (distance, reach) = (apart.length(), mirror.radius + ball.radius);
     if distance <= reach || reach.is_infinite() {
         return true;
     }
-    let allowed = (reach / distance).asin() + spread + 1e-9;
-    apart.angle_between(towards) <= allowed
+    let (q, s) = (reach / distance, spread + 1e-9);
+    let least = (1.0 - q * q).sqrt() * (1.0 - 0.5 * s * s) - q * s;
+    apart.dot(towards) >= distance * (least - 1e-12)
 }
 
 #[cfg(test)]

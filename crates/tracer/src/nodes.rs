@@ -216,21 +216,6 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     (sums[0] + sums[2]) + (sums[1] + sums[3]) + rest
 }
 
-/// Adds Σ_k a_k row_k, four rows at a time.
-pub(crate) fn add_rows<'a>(out: &mut [f64], mut rows: impl ExactSizeIterator<Item = (f64, &'a [f64])>) {
-    let n = out.len();
-    while rows.len() >= 4 {
-        let mut next = || rows.next().map_or((0.0, [].as_slice()), |(a, row)| (a, &row[..n]));
-        let [(a, of_a), (b, of_b), (c, of_c), (d, of_d)] = [next(), next(), next(), next()];
-        for (i, out) in out.iter_mut().enumerate() {
-            *out += (a * of_a[i] + b * of_b[i]) + (c * of_c[i] + d * of_d[i]);
-        }
-    }
-    for (a, row) in rows {
-        out.iter_mut().zip(row).for_each(|(out, value)| *out += a * value);
-    }
-}
-
 /// The nodes among `m` places that carry `functions` and their products, and the shares ℓ_q at all places.
 fn interpolation(mut functions: Vec<Vec<f64>>, m: usize) -> (Vec<usize>, Vec<Vec<f64>>) {
     let normed = |mut f: Vec<f64>| {

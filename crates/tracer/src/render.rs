@@ -357,7 +357,8 @@ impl Target<'_, '_> {
         paths: &mut Paths,
         first: Option<&First>,
     ) {
-        let lightable = Lightable::new(&self.views[0], pending, self.lattice, paths, false);
+        let n_times = self.views.iter().map(|view| view.times.len()).sum();
+        let lightable = Lightable::new(&self.views[0], pending, self.lattice, paths, n_times, false);
         let mut last = LastSun::default();
         // Side by side, times of several views may have one sun.
         for t in 0..self.views.iter().map(|view| view.times.len()).max().unwrap_or(0) {
@@ -453,10 +454,11 @@ impl<'a> Lightable<'a> {
         pixels: &'a [PixelPaths],
         lattice: &'a Lattice<'a>,
         paths: &'a Paths,
+        n_times: usize,
         by_term: bool,
     ) -> Self {
         let vertices = pixels.iter().map(|pixel| pixel.vertices.clone()).collect();
-        let block = Block::new(view.scenery, paths, vertices, (view.channels, view.nodes), lattice);
+        let block = Block::new(view.scenery, paths, vertices, (view.channels, view.nodes), lattice, n_times);
         let shares = |pixel: &PixelPaths| {
             let of_path = |path: &Path| lattice.shares(pixel.middle, path.length);
             pixel.sights.iter().map(|sight| sight.as_ref().map(of_path)).collect()
@@ -579,7 +581,7 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         samples: n_taken,
     };
     let view = View { surface_radiance: true, ..*view };
-    let lightable = Lightable::new(&view, &traced, &lattice, &paths, true);
+    let lightable = Lightable::new(&view, &traced, &lattice, &paths, 1, true);
     lightable.light(&view, &view.times[time], &mut LastSun::default(), |_, lit| {
         out.lit = lit.lit_fraction();
         out.radiance = (0..lit.radiance.len()).map(|c| lit.estimate(c)).collect();

@@ -10,7 +10,7 @@ use sunglint_radiometry::{Frame, LocalDir, WorldDir};
 
 use crate::Illumination;
 use crate::light::Block;
-use crate::paths::{FacetGroup, GlintLaw, RayCounts, Vertex};
+use crate::paths::{FacetGroup, GlintLaw, RayCounts};
 
 /// Weight of a draw of density `own` where one of density `other` may find the same [Veach1995, power heuristic, β = 2]. In
 /// proportion to the densities themselves a wide lobe would add a thousandth of its light by one draw in a thousand that meets
@@ -62,11 +62,11 @@ impl Sun {
     }
 
     /// The point that a vertex sees: its middle, or a point of the disk.
-    pub fn of(&self, vertex: &Vertex) -> WorldDir {
+    pub fn of(&self, block: &Block<'_>, vertex: usize) -> WorldDir {
         if self.radius == 0.0 {
             return self.middle;
         }
-        let [x, y] = vertex.disk().map(|c| c * self.radius);
+        let [x, y] = block.disk(vertex).map(|c| c * self.radius);
         self.frame.to_world(LocalDir::from_unit(DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())))
     }
 
@@ -148,7 +148,7 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
             rays.sun_proved_clear += 1;
             continue;
         }
-        let direction = disk.of(vertex);
+        let direction = disk.of(block, i);
         let mu = vertex.hit.normal.dot(direction.vec());
         let turned_away = mu <= 0.0 && !block.passes(&groups[*group as usize]);
         if turned_away || direction.cos_zenith() <= 0.0 {
