@@ -309,7 +309,7 @@ struct Axis {
 }
 
 impl Axis {
-    const STEPS: usize = 64;
+    const STEPS: usize = 256;
 
     fn new(places: Vec<f64>) -> Self {
         let last = places.len() - 2;
@@ -321,6 +321,7 @@ impl Axis {
     }
 
     /// The place before x and the share of the next.
+    #[inline]
     fn between(&self, x: f64) -> (usize, f64) {
         let mut i = self.starts[((x * Self::STEPS as f64) as usize).min(Self::STEPS)];
         while i + 2 < self.places.len() && self.places[i + 1] <= x {

@@ -13,6 +13,9 @@ use crate::{AngularSpectra, Bsdf, Claims, Lobes, Sample, Separable, Split};
 /// What the coarse rule may err by.
 const QUADRATURE: f64 = 1e-4;
 
+/// Steps of view angle at which it is known how often each part is drawn.
+const CHOICES: usize = 48;
+
 /// Most terms of a separable part.
 const MOST_TERMS: usize = 4;
 
@@ -187,7 +190,7 @@ pub(crate) struct Composite<B, G> {
     split: OnceLock<Split>,
     /// Largest reflectance over angles and entries.
     highest: OnceLock<f64>,
-    /// Probability with which body, gloss and mirror are drawn, on the nodes of the split.
+    /// Probability with which body, gloss and mirror are drawn, at view angles in even steps of √(1 − cos θ).
     choice: OnceLock<Vec<[f64; 3]>>,
 }
 
@@ -271,14 +274,15 @@ impl<B: Part, G: Gloss> Composite<B, G> {
         let split = self.split();
         let table = self.choice.get_or_init(|| {
             let mut rho = vec![0.0; self.n];
-            (split.specular.angles().iter())
-                .map(|theta| {
-                    split.diffuse.fill(*theta, &mut rho);
+            (0..=CHOICES)
+                .map(|i| {
+                    let theta = (1.0 - (i as f64 / CHOICES as f64).powi(2)).acos();
+                    split.diffuse.fill(theta, &mut rho);
                     let body: f64 = rho.iter().sum();
                     rho.fill(0.0);
-                    self.gloss.add_mirror(*theta, &mut rho);
+                    self.gloss.add_mirror(theta, &mut rho);
                     let mirror: f64 = rho.iter().sum();
-                    split.specular.fill(*theta, &mut rho);
+                    split.specular.fill(theta, &mut rho);
                     let gloss = (rho.iter().sum::<f64>() - mirror).max(0.0);
                     // Each part that exists is drawn at times; a lobe that its draws do not reach needs the hemisphere's.
                     let all = (body + gloss + mirror).max(f64::MIN_POSITIVE);
@@ -291,11 +295,9 @@ impl<B: Part, G: Gloss> Composite<B, G> {
                 })
                 .collect()
         });
-        let mut choice = [0.0; 3];
-        for (node, weight) in split.specular.weights(outgoing.theta()) {
-            (choice.iter_mut()).zip(table[node]).for_each(|(choice, share)| *choice += weight * share);
-        }
-        choice
+        let x = (1.0 - outgoing.cos()).clamp(0.0, 1.0).sqrt() * CHOICES as f64;
+        let i = (x as usize).min(CHOICES - 1);
+        std::array::from_fn(|part| table[i][part] + (table[i + 1][part] - table[i][part]) * (x - i as f64))
     }
 
     fn density(&self, choice: [f64; 3], incident: LocalDir, outgoing: LocalDir) -> f64 {

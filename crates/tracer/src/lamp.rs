@@ -243,15 +243,8 @@ impl Lights {
     }
 
     fn mix(&self, weights: &[(u32, f64)], amounts: &mut Vec<Four>) {
-        #[inline(always)]
-        fn on<S: Simd>(simd: S, lights: &Lights, weights: &[(u32, f64)], amounts: &mut [Four]) {
-            let n = lights.n_fours;
-            let rows: SmallVec<[(f64, &[Four]); 8]> =
-                weights.iter().map(|(k, s)| (*s, &lights.amounts[*k as usize * n..][..n])).collect();
-            mix_fours(simd, &rows, amounts);
-        }
         amounts.resize(self.n_fours, [0.0; 4]);
-        dispatch!(level(), simd => on(simd, self, weights, amounts));
+        dispatch!(level(), simd => mix_fours(simd, weights, &self.amounts, amounts));
     }
 
     /// L_d(ω) as amounts; `weights` is for work. Whether it is more than black.

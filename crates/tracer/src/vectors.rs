@@ -116,33 +116,35 @@ pub(crate) fn times(matrix: &[Four], right: &[Four], out: &mut [f64]) {
     }
 }
 
-/// out = Σ_k a_k row_k.
+/// out = Σ_k a_k row_k, of weights (k, a_k) and rows of `table` as long as `out`.
 #[inline(always)]
-pub(crate) fn mix_fours<S: Simd>(simd: S, rows: &[(f64, &[Four])], out: &mut [Four]) {
+pub(crate) fn mix_fours<S: Simd>(simd: S, weights: &[(u32, f64)], table: &[Four], out: &mut [Four]) {
     #[inline(always)]
-    fn on<S: Simd, const N: usize>(simd: S, rows: &[(f64, &[Four])], start: usize, out: &mut [Four; N]) {
+    fn on<S: Simd, const N: usize>(
+        simd: S,
+        weights: &[(u32, f64)],
+        (table, width, start): (&[Four], usize, usize),
+        out: &mut [Four; N],
+    ) {
         let mut sums = [f64x4::splat(simd, 0.0); N];
-        for (a, row) in rows {
-            for (sum, value) in sums.iter_mut().zip(&row[start..][..N]) {
+        for (k, a) in weights {
+            for (sum, value) in sums.iter_mut().zip(&table[*k as usize * width + start..][..N]) {
                 *sum += f64x4::load_array_ref(simd, value) * *a;
             }
         }
-        out.iter_mut().zip(sums).for_each(
-            #[inline(always)]
-            |(out, sum)| *out = sum.to_array(),
-        );
+        for (out, sum) in out.iter_mut().zip(sums) {
+            *out = sum.to_array();
+        }
     }
+    let width = out.len();
     let (threes, rest) = out.as_chunks_mut::<3>();
     let n = 3 * threes.len();
-    threes.iter_mut().enumerate().for_each(
-        #[inline(always)]
-        |(i, out)| on(simd, rows, 3 * i, out),
-    );
-    let (ones, _) = rest.as_chunks_mut::<1>();
-    ones.iter_mut().enumerate().for_each(
-        #[inline(always)]
-        |(i, out)| on(simd, rows, n + i, out),
-    );
+    for (i, out) in threes.iter_mut().enumerate() {
+        on(simd, weights, (table, width, 3 * i), out);
+    }
+    for (i, out) in rest.as_chunks_mut::<1>().0.iter_mut().enumerate() {
+        on(simd, weights, (table, width, n + i), out);
+    }
 }
 
 /// Adds Σ_k a_k row_k.
@@ -218,11 +220,10 @@ mod tests {
             assert!(found.iter().zip(&matrix).all(|(found, row)| (found - of_row(row)).abs() < 1e-14 * (1 + m) as f64));
 
             let width = fours(m);
-            let rows: Vec<(f64, &[Four])> =
-                left.iter().enumerate().map(|(q, a)| (*a, &matrix_fours[q * width..][..width])).collect();
+            let weights: Vec<(u32, f64)> = left.iter().enumerate().map(|(q, a)| (q as u32, *a)).collect();
             let mixed = |level: Level| {
                 let mut out = vec![[9.0; 4]; width];
-                dispatch!(level, simd => mix_fours(simd, &rows, &mut out));
+                dispatch!(level, simd => mix_fours(simd, &weights, &matrix_fours, &mut out));
                 out
             };
             let sum = |i: usize| matrix.iter().zip(&left).map(|(row, a)| row[i] * a).sum::<f64>();
