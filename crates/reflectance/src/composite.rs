@@ -270,6 +270,13 @@ impl<B: Part, G: Gloss> Composite<B, G> {
         Split { diffuse, specular, printed: AngularSpectra::new(theta, printed), solid_angle }
     }
 
+    /// ρ of a body that is a Lambertian part by itself.
+    fn lambertian_body(&self, outgoing: LocalDir) -> Option<&[f64]> {
+        // A lobe that its own draws do not reach needs those of the body.
+        let apart = outgoing.cos() > 0.0 && self.body.is_present() && (!self.lobes.glossy || self.gloss.covers());
+        self.body.lambertian().filter(|_| apart)
+    }
+
     fn choice(&self, outgoing: LocalDir) -> [f64; 3] {
         let split = self.split();
         let table = self.choice.get_or_init(|| {
@@ -498,9 +505,7 @@ impl<B: Part, G: Gloss> Bsdf for Composite<B, G> {
     }
 
     fn lambertian(&self, outgoing: LocalDir, rho: &mut [f64]) -> f64 {
-        // A lobe that its own draws do not reach needs those of the body.
-        let apart = outgoing.cos() > 0.0 && self.body.is_present() && (!self.lobes.glossy || self.gloss.covers());
-        match self.body.lambertian().filter(|_| apart) {
+        match self.lambertian_body(outgoing) {
             Some(of_body) => {
                 rho.copy_from_slice(of_body);
                 self.choice(outgoing)[0]
@@ -510,6 +515,19 @@ impl<B: Part, G: Gloss> Bsdf for Composite<B, G> {
                 0.0
             }
         }
+    }
+
+    fn rest(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) -> f64 {
+        if self.lambertian_body(outgoing).is_none() {
+            self.eval(incident, outgoing, f);
+            return self.pdf(incident, outgoing);
+        }
+        f.fill(0.0);
+        if incident.cos() <= 0.0 || !self.lobes.glossy {
+            return 0.0;
+        }
+        self.gloss.add(incident, outgoing, f);
+        self.choice(outgoing)[1] * self.gloss.drawn_with(incident, outgoing)
     }
 
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {

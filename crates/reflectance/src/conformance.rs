@@ -321,24 +321,25 @@ impl Suite<'_> {
         worst.finding()
     }
 
-    /// What f and the density of draws lack to hold the Lambertian part, relative to f and to the density, and where the model
-    /// says that nothing else scatters, what they have beyond it.
+    /// What f and the density of draws differ by from the Lambertian part and the rest, relative to f and to the density, and what
+    /// there is of a rest where the model says that there is none.
     fn lambertian(&self) -> Finding {
-        let mut worst = Worst::of("f and the density hold their Lambertian part", 1e-9);
-        let mut rho = vec![0.0; self.n_entries];
+        let mut worst = Worst::of("f and the density are their Lambertian part and the rest", 1e-9);
+        let (mut rho, mut rest) = (vec![0.0; self.n_entries], vec![0.0; self.n_entries]);
         for (incident, outgoing) in self.pairs() {
             let chance = self.model.lambertian(outgoing, &mut rho);
-            if chance == 0.0 || incident.cos() <= 0.0 || outgoing.cos() <= 0.0 {
-                continue;
-            }
-            let alone = self.model.is_lambertian_at(incident, outgoing);
-            let lacks = |whole: f64, part: f64| {
-                let rest = whole - part;
-                (if alone { rest.abs() } else { -rest }).max(0.0) / whole.abs().max(1e-300)
+            let density = self.model.rest(incident, outgoing, &mut rest);
+            let above = chance > 0.0 && incident.cos() > 0.0;
+            let alone = above && self.model.is_lambertian_at(incident, outgoing);
+            let differs = |whole: f64, even: f64, rest: f64| {
+                let even = if above { even } else { 0.0 };
+                let beyond = if alone { rest.abs() } else { (-rest).max(0.0) };
+                (whole - even - rest).abs().max(beyond) / whole.abs().max(1e-300)
             };
-            let of_f =
-                self.f(incident, outgoing).into_iter().zip(&rho).map(|(f, rho)| lacks(f, rho / PI)).fold(0.0, f64::max);
-            let of_density = lacks(self.model.pdf(incident, outgoing), chance * incident.cos() / PI);
+            let of_f = (self.f(incident, outgoing).into_iter().zip(rho.iter().zip(&rest)))
+                .map(|(f, (rho, rest))| differs(f, rho / PI, *rest))
+                .fold(0.0, f64::max);
+            let of_density = differs(self.model.pdf(incident, outgoing), chance * incident.cos() / PI, density);
             worst.see(of_f.max(of_density), || pair(incident, outgoing));
         }
         worst.finding()

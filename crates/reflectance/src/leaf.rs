@@ -124,6 +124,15 @@ impl Bsdf for Leaf {
         1.0 - self.through
     }
 
+    fn rest(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) -> f64 {
+        if incident.cos() >= 0.0 {
+            f.fill(0.0);
+            return 0.0;
+        }
+        self.eval(incident, outgoing, f);
+        self.pdf(incident, outgoing)
+    }
+
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         if outgoing.cos() <= 0.0 || self.lobes == Lobes::default() {
             return 0.0;

@@ -178,6 +178,13 @@ pub trait Bsdf: Send + Sync {
         0.0
     }
 
+    /// What [`eval`](Self::eval) fills `f` with, less the Lambertian part, and the density of [`pdf`](Self::pdf) less that of its
+    /// draws. A model that has such a part says this too.
+    fn rest(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) -> f64 {
+        self.eval(incident, outgoing, f);
+        self.pdf(incident, outgoing)
+    }
+
     /// Whether nothing but the Lambertian part scatters light along `incident`; `false` where that takes an `eval` to tell.
     fn is_lambertian_at(&self, incident: LocalDir, outgoing: LocalDir) -> bool {
         let _ = (incident, outgoing);

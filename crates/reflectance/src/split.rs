@@ -152,6 +152,11 @@ impl Split {
         let theta = if even { 0.0 } else { outgoing.theta() };
         self.diffuse.fill(theta, f);
         f.iter_mut().for_each(|f| *f /= PI);
+        self.add_lobe(incident, outgoing, theta, f);
+    }
+
+    /// Adds the specular component's f seen at angle `theta` \[rad\]; both directions are above the surface.
+    pub(crate) fn add_lobe(&self, incident: LocalDir, outgoing: LocalDir, theta: f64, f: &mut [f64]) {
         let cone = TopHat::new(self.solid_angle_at(theta));
         if self.lobe_solid_angle(theta) > 0.0 && cone.contains(incident, outgoing) {
             let height = cone.height(theta);

@@ -121,6 +121,17 @@ impl Bsdf for TwoComponent {
         1.0 - self.specular_choice(self.theta(outgoing))
     }
 
+    fn rest(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) -> f64 {
+        f.fill(0.0);
+        if incident.cos() <= 0.0 || outgoing.cos() <= 0.0 {
+            return 0.0;
+        }
+        let theta = self.theta(outgoing);
+        self.split.add_lobe(incident, outgoing, theta, f);
+        let cone = self.cone.filter(|cone| cone.contains(incident, outgoing));
+        cone.map_or(0.0, |cone| self.specular_choice(theta) * cone.density())
+    }
+
     fn is_lambertian_at(&self, incident: LocalDir, outgoing: LocalDir) -> bool {
         self.cone.is_none_or(|cone| !cone.contains(incident, outgoing))
     }

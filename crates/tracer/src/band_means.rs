@@ -67,6 +67,12 @@ impl Bsdf for BandMeans {
     fn lambertian(&self, outgoing: LocalDir, rho: &mut [f64]) -> f64 {
         self.mean(rho, |rho| self.model.lambertian(outgoing, rho))
     }
+    fn rest(&self, incident: LocalDir, outgoing: LocalDir, f: &mut [f64]) -> f64 {
+        self.mean(f, |f| self.model.rest(incident, outgoing, f))
+    }
+    fn is_lambertian_at(&self, incident: LocalDir, outgoing: LocalDir) -> bool {
+        self.model.is_lambertian_at(incident, outgoing)
+    }
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {
         self.model.pdf(incident, outgoing)
     }

@@ -239,7 +239,7 @@ impl Full {
             paths.record(id, spectrum, Source::Sun { vertex }, weight / PI, step.term(Term::DiffuseSun));
         }
         if has_rest {
-            let source = Source::Scatter { vertex, outgoing, lambertian: of_even, chance: even };
+            let source = Source::Scatter { vertex, outgoing };
             paths.record(id, spectrum, source, weight, step.term(Term::SpecularSun));
         }
         if (of_even.is_some() || has_rest) && self.caustics && self.goes_on(depth) && !scenery.mirrors.is_empty() {
@@ -422,15 +422,7 @@ impl Full {
             }
             return;
         }
-        let mut density = sample.pdf;
-        surface.bsdf.eval(sample.incident, outgoing, &mut walk.room.f);
-        if sample.incident.cos() > 0.0 {
-            let even = surface.bsdf.lambertian(outgoing, &mut walk.room.rho);
-            if even > 0.0 {
-                density -= even * sample.incident.cos() / PI;
-                walk.room.f.iter_mut().zip(&walk.room.rho).for_each(|(f, rho)| *f -= rho / PI);
-            }
-        }
+        let density = surface.bsdf.rest(sample.incident, outgoing, &mut walk.room.f);
         if density <= 0.0 {
             return;
         }

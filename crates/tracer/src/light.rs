@@ -1,7 +1,6 @@
 //! Lights the paths of a block for one time.
 
 use std::cell::Cell;
-use std::f64::consts::PI;
 use std::ops::Range;
 use std::rc::Rc;
 use std::sync::Arc;
@@ -15,7 +14,7 @@ use crate::gathered::{Glints, Kind, Patch, PixelLight, Run, Sums, term_of};
 use crate::hemisphere::above_horizon;
 use crate::lamp::{Lamp, OfKnot, Wants};
 use crate::mirrors::{Image, Thrower, mirrored};
-use crate::paths::{FacetGroup, Paths, RayCounts, Source, SpectrumId, Vertex};
+use crate::paths::{FacetGroup, Paths, RayCounts, Source, SpectrumId};
 use crate::pixel::PixelRadiance;
 use crate::sightline::{Knot, Lattice, Shares};
 use crate::sun::{LastSun, Standing, Sun, SunLight, combined, glint};
@@ -367,9 +366,8 @@ impl<'a> BlockLight<'a> {
                         None => sums.add(replicate, term, spectrum, &lamp.beam, record.weight * value),
                     }
                 }
-                Source::Scatter { vertex, outgoing, lambertian, chance } => {
-                    let even = lambertian.map(|spectrum| (spectrum, chance));
-                    if let Some(scale) = self.scattered(vertex, outgoing, even, record.spectrum, work) {
+                Source::Scatter { vertex, outgoing } => {
+                    if let Some(scale) = self.scattered(vertex, outgoing, record.spectrum, work) {
                         sums.add(replicate, term, &work.spectrum, &lamp.beam, record.weight * scale);
                     }
                 }
@@ -437,24 +435,21 @@ impl<'a> BlockLight<'a> {
         self.darkened(x.hypot(y), spectrum)
     }
 
-    /// The sun at a vertex by all but the Lambertian part, whose spectrum and chance are `even`: fills `work.spectrum`, and gives
-    /// what is left to multiply by E_n.
-    fn scattered(
-        &self,
-        vertex: u32,
-        outgoing: LocalDir,
-        even: Option<(SpectrumId, f64)>,
-        spectrum: SpectrumId,
-        work: &mut Work,
-    ) -> Option<f64> {
+    /// The sun at a vertex by all but the Lambertian part: fills `work.spectrum`, and gives what is left to multiply by E_n.
+    fn scattered(&self, vertex: u32, outgoing: LocalDir, spectrum: SpectrumId, work: &mut Work) -> Option<f64> {
         let i = vertex as usize;
         let sun = self.disk.as_ref().filter(|_| self.sun.visible[i] * self.sun.cos[i] != 0.0)?;
         let vertex = &self.block.paths.vertices[i];
         let incident = Frame::about(vertex.hit.normal).to_local(sun.of(self.block, i));
-        if self.block.scenery.surface(vertex.hit.material).bsdf.is_lambertian_at(incident, outgoing) {
+        let bsdf = &self.block.scenery.surface(vertex.hit.material).bsdf;
+        if bsdf.is_lambertian_at(incident, outgoing) {
             return None;
         }
-        let density = self.lobes(vertex, incident, outgoing, even, spectrum, work)?;
+        work.f.resize(self.block.nodes.len(), 0.0);
+        let density = bsdf.rest(incident, outgoing, &mut work.f);
+        if !self.times_f(spectrum, work) {
+            return None;
+        }
         if let Some(limb) = self.limb_of(i, &work.spectrum) {
             work.spectrum = limb;
         }
@@ -463,29 +458,11 @@ impl<'a> BlockLight<'a> {
         Some(self.sun.visible[i] * incident.cos().abs() * share)
     }
 
-    /// Fills `work.spectrum` with spectrum × f of a surface's smooth lobes less what its Lambertian part, `even`, takes of
-    /// that; gives the density with which the lobes that are left draw the direction. `None` where f is 0.
-    fn lobes(
-        &self,
-        vertex: &Vertex,
-        incident: LocalDir,
-        outgoing: LocalDir,
-        even: Option<(SpectrumId, f64)>,
-        spectrum: SpectrumId,
-        work: &mut Work,
-    ) -> Option<f64> {
-        let bsdf = &self.block.scenery.surface(vertex.hit.material).bsdf;
-        work.f.resize(self.block.nodes.len(), 0.0);
-        bsdf.eval(incident, outgoing, &mut work.f);
-        let paths = self.block.paths;
+    /// Fills `work.spectrum` with spectrum × `work.f`. Whether it is more than black.
+    fn times_f(&self, spectrum: SpectrumId, work: &mut Work) -> bool {
         work.spectrum.clear();
-        work.spectrum.extend(paths.spectrum(spectrum).iter().zip(&work.f).map(|(t, f)| t * f));
-        let mut density = bsdf.pdf(incident, outgoing);
-        if let Some((even, chance)) = even.filter(|_| incident.cos() > 0.0) {
-            work.spectrum.iter_mut().zip(paths.spectrum(even)).for_each(|(t, rho)| *t -= rho / PI);
-            density = (density - chance * incident.cos() / PI).max(0.0);
-        }
-        work.spectrum.iter().any(|t| *t != 0.0).then_some(density)
+        work.spectrum.extend(self.block.paths.spectrum(spectrum).iter().zip(&work.f).map(|(t, f)| t * f));
+        work.spectrum.iter().any(|t| *t != 0.0)
     }
 
     /// The sun in mirrors at a vertex: fills `work.spectrum`, and gives what is left to multiply by E_n.
@@ -531,7 +508,11 @@ impl<'a> BlockLight<'a> {
         if scenery.world.occluded(&from.leave(along)) {
             return None;
         }
-        self.lobes(vertex, incident, outgoing, None, spectrum, work)?;
+        work.f.resize(self.block.nodes.len(), 0.0);
+        scenery.surface(vertex.hit.material).bsdf.eval(incident, outgoing, &mut work.f);
+        if !self.times_f(spectrum, work) {
+            return None;
+        }
         for (hit, outgoing) in hits.into_iter().flatten() {
             let local = Frame::about(hit.normal).to_local(outgoing);
             scenery.surface(hit.material).bsdf.mirror(local, &mut work.f);

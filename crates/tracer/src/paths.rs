@@ -19,9 +19,8 @@ pub(crate) const ONE: SpectrumId = 0;
 pub(crate) enum Source {
     /// E_n cos θ_s I at a vertex; the record's weight holds the 1/π.
     Sun { vertex: u32 },
-    /// E_n cos θ_s I f at a vertex: what a surface's lobes scatter beside its Lambertian part, of which the record's spectrum
-    /// times ρ is known where there is one, and the chance with which it is drawn.
-    Scatter { vertex: u32, outgoing: LocalDir, lambertian: Option<SpectrumId>, chance: f64 },
+    /// E_n cos θ_s I f at a vertex, f being what a surface's lobes scatter beside its Lambertian part.
+    Scatter { vertex: u32, outgoing: LocalDir },
     /// The sun in one or two planar mirrors, scattered at a vertex by all that is not itself a mirror.
     Caustic { vertex: u32, outgoing: LocalDir, bounces: u8 },
     /// The sun's image about a mirror direction at a vertex.
