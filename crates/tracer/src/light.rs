@@ -36,7 +36,8 @@ pub(crate) struct Block<'a> {
     lattice: &'a Lattice<'a>,
     has_caustics: bool,
     has_scatter: bool,
-    /// What times have drawn so far, by vertex; NaN where none has yet, empty where one time alone is lit.
+    /// What times have drawn so far, by vertex (each looks at the free sky by one record at most); NaN where none has yet, empty
+    /// where one time alone is lit.
     disks: Vec<Cell<[f64; 2]>>,
     free: Vec<Cell<DVec3>>,
 }
