@@ -308,8 +308,11 @@ impl<B: Part, G: Gloss> Composite<B, G> {
     }
 
     fn density(&self, choice: [f64; 3], incident: LocalDir, outgoing: LocalDir) -> f64 {
-        let gloss = if choice[1] > 0.0 { choice[1] * self.gloss.drawn_with(incident, outgoing) } else { 0.0 };
-        choice[0] * self.body.density(incident, outgoing) + gloss
+        choice[0] * self.body.density(incident, outgoing) + self.gloss_density(choice, incident, outgoing)
+    }
+
+    fn gloss_density(&self, choice: [f64; 3], incident: LocalDir, outgoing: LocalDir) -> f64 {
+        if choice[1] > 0.0 { choice[1] * self.gloss.drawn_with(incident, outgoing) } else { 0.0 }
     }
 }
 
@@ -523,11 +526,11 @@ impl<B: Part, G: Gloss> Bsdf for Composite<B, G> {
             return self.pdf(incident, outgoing);
         }
         f.fill(0.0);
-        if incident.cos() <= 0.0 || !self.lobes.glossy {
+        if incident.cos() <= 0.0 {
             return 0.0;
         }
         self.gloss.add(incident, outgoing, f);
-        self.choice(outgoing)[1] * self.gloss.drawn_with(incident, outgoing)
+        self.gloss_density(self.choice(outgoing), incident, outgoing)
     }
 
     fn pdf(&self, incident: LocalDir, outgoing: LocalDir) -> f64 {

@@ -126,10 +126,10 @@ impl Bsdf for TwoComponent {
         if incident.cos() <= 0.0 || outgoing.cos() <= 0.0 {
             return 0.0;
         }
+        let Some(cone) = self.cone.filter(|cone| cone.contains(incident, outgoing)) else { return 0.0 };
         let theta = self.theta(outgoing);
         self.split.add_lobe(incident, outgoing, theta, f);
-        let cone = self.cone.filter(|cone| cone.contains(incident, outgoing));
-        cone.map_or(0.0, |cone| self.specular_choice(theta) * cone.density())
+        self.specular_choice(theta) * cone.density()
     }
 
     fn is_lambertian_at(&self, incident: LocalDir, outgoing: LocalDir) -> bool {

@@ -1,8 +1,9 @@
 //! The light of one time as the channels of a view see it: weights of their [`Nodes`].
 
+use std::ops::Range;
 use std::sync::{Arc, RwLock};
 
-use fearless_simd::{Simd, dispatch};
+use fearless_simd::dispatch;
 use glam::DVec3;
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
@@ -273,39 +274,43 @@ impl Lights {
     /// Weights of the nodes under a sky of these amounts.
     pub(crate) fn of_sky(&self, lamp: &Lamp, nodes: &Nodes, amounts: &[Four], out: &mut Vec<f64>) {
         out.resize(lamp.beam.len(), 0.0);
-        let (mut out, mut of_lamp, mut amounts) = (out.as_mut_slice(), lamp.sky.as_slice(), amounts);
-        for (c, channel) in self.channels.iter().enumerate() {
-            let (own, later) = out.split_at_mut(nodes.of_channel(c).len());
-            let (of_channel, further) = amounts.split_at(channel.width());
-            let (matrix, others) = of_lamp.split_at(own.len() * channel.width());
-            own.fill(0.0);
-            times(matrix, of_channel, own);
-            (out, amounts, of_lamp) = (later, further, others);
+        let mut out = out.as_mut_slice();
+        for (own, matrix, amounts) in self.of_channels(lamp, nodes, amounts) {
+            let (of_channel, later) = out.split_at_mut(own.len());
+            times(matrix, amounts, of_channel);
+            out = later;
         }
     }
 
     /// What a spectrum at the nodes makes of a sky of these amounts, in each channel.
     pub(crate) fn by_sky(&self, lamp: &Lamp, nodes: &Nodes, spectrum: &[f64], amounts: &[Four], out: &mut Vec<f64>) {
-        #[inline(always)]
-        fn on<S: Simd>(
-            simd: S,
-            channels: &[SkyOfChannel],
-            (lamp, nodes): (&Lamp, &Nodes),
-            spectrum: &[f64],
-            amounts: &[Four],
-            out: &mut [f64],
-        ) {
-            let (mut of_lamp, mut amounts) = (lamp.sky.as_slice(), amounts);
-            for ((c, channel), out) in channels.iter().enumerate().zip(out) {
-                let own = &spectrum[nodes.of_channel(c)];
+        out.resize(self.channels.len(), 0.0);
+        dispatch!(level(), simd => {
+            for ((own, matrix, amounts), out) in self.of_channels(lamp, nodes, amounts).zip(out) {
+                *out = bilinear(simd, &spectrum[own], matrix, amounts);
+            }
+        });
+    }
+
+    /// Of each channel: its nodes, the sky's terms of a lamp there, and amounts of these.
+    #[inline(always)]
+    fn of_channels<'a>(
+        &'a self,
+        lamp: &'a Lamp,
+        nodes: &'a Nodes,
+        amounts: &'a [Four],
+    ) -> impl Iterator<Item = (Range<usize>, &'a [Four], &'a [Four])> {
+        let (mut of_lamp, mut amounts) = (lamp.sky.as_slice(), amounts);
+        self.channels.iter().enumerate().map(
+            #[inline(always)]
+            move |(c, channel)| {
+                let own = nodes.of_channel(c);
                 let (of_channel, further) = amounts.split_at(channel.width());
                 let (matrix, others) = of_lamp.split_at(own.len() * channel.width());
-                *out = bilinear(simd, own, matrix, of_channel);
                 (amounts, of_lamp) = (further, others);
-            }
-        }
-        out.resize(self.channels.len(), 0.0);
-        dispatch!(level(), simd => on(simd, &self.channels, (lamp, nodes), spectrum, amounts, out));
+                (own, matrix, of_channel)
+            },
+        )
     }
 
     /// Adds what the pairs of knots of some shares give together to what is wanted of a lamp, and to L_u, channel by channel.

@@ -111,9 +111,10 @@ pub(crate) fn times(matrix: &[Four], right: &[Four], out: &mut [f64]) {
             *out = product(simd, row, right);
         }
     }
-    if !right.is_empty() {
-        dispatch!(level(), simd => on(simd, matrix, right, out));
+    if right.is_empty() {
+        return out.fill(0.0);
     }
+    dispatch!(level(), simd => on(simd, matrix, right, out));
 }
 
 /// out = Σ_k a_k row_k, of weights (k, a_k) and rows of `table` as long as `out`.
