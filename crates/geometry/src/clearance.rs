@@ -210,8 +210,7 @@ fn spend(budget: &std::cell::Cell<u32>) -> bool {
 
 /// Rounding of distances from a plane through `point` to an instance's corners \[m\]; less than [`crate::Hit::error`] there.
 pub(crate) fn rounding(placed: &Placed, block: &Block, point: DVec3) -> f64 {
-    let reach = block.lo.abs().max(block.hi.abs()).max_element();
-    4.0 * f64::EPSILON * (placed.magnitude(reach) + point.abs().max_element())
+    4.0 * f64::EPSILON * (placed.magnitude(block.reach) + point.abs().max_element())
 }
 
 fn corners(mesh: &Mesh, placed: &Placed, triangle: u32) -> [DVec3; 3] {

@@ -24,7 +24,7 @@ pub use instance::{Instance, Pose};
 pub use mesh::{Mesh, MeshBuilder};
 pub use obj::{ObjError, ObjFault, ObjKind, ObjMesh, ObjSkipped, Up, read_obj};
 pub use raster::{MOST_POSTS, Raster, RasterError, RasterFault, RasterKind, RasterPlace, read_raster};
-pub use ray::{FacetId, GROUND_OBJECT, Hit, Ray};
+pub use ray::{FacetId, GROUND_OBJECT, Hit, Left, Ray};
 pub use scatter::{Crowded, Leaves, Region, Scatter, scatter};
 pub use shapes::{box_facets, panel_facets};
 pub use sole::SoleFacet;

@@ -122,11 +122,15 @@ impl Mesh {
     #[inline]
     pub(crate) fn normal(&self, triangle: u32, corners: &[DVec3; 3]) -> DVec3 {
         let facet = self.facet_of(triangle) as usize;
-        if self.bent.get(facet) == Some(&true) {
+        if self.is_bent(facet) {
             area_vector(corners).normalize_or(self.normals[facet])
         } else {
             self.normals[facet]
         }
+    }
+    /// Whether a facet's corners are off one plane by more than rounding.
+    pub(crate) fn is_bent(&self, facet: usize) -> bool {
+        self.bent.get(facet) == Some(&true)
     }
     /// The facet of a triangle.
     #[inline]

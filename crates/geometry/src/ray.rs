@@ -7,6 +7,19 @@ use sunglint_radiometry::WorldDir;
 /// Object id of the endless ground in [`Hit::instance`].
 pub const GROUND_OBJECT: u32 = u32::MAX;
 
+/// A plane facet as the world traces it, which a ray that leaves it cannot meet again; none by default.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Left {
+    /// What is placed, and the facet of its mesh.
+    pub(crate) placed: u32,
+    pub(crate) facet: u32,
+}
+
+impl Left {
+    /// No facet.
+    pub const NONE: Self = Self { placed: u32::MAX, facet: u32::MAX };
+}
+
 /// A ray. Hits count in 0 < t < `t_max`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ray {
@@ -16,12 +29,14 @@ pub struct Ray {
     pub direction: WorldDir,
     /// End \[m\].
     pub t_max: f64,
+    /// The facet that it leaves, and does not meet.
+    pub left: Left,
 }
 
 impl Ray {
     /// An endless ray.
     pub const fn new(origin: DVec3, direction: WorldDir) -> Self {
-        Self { origin, direction, t_max: f64::INFINITY }
+        Self { origin, direction, t_max: f64::INFINITY, left: Left::NONE }
     }
     /// The point at distance `t` \[m\].
     pub fn at(&self, t: f64) -> DVec3 {
@@ -57,6 +72,8 @@ pub struct Hit {
     pub instance: u32,
     /// The facet.
     pub facet: FacetId,
+    /// What a ray leaves that starts here.
+    pub left: Left,
 }
 
 impl Hit {
@@ -75,6 +92,6 @@ impl Hit {
             }
         };
         let origin = DVec3::new(away(moved.x, side.x), away(moved.y, side.y), away(moved.z, side.z));
-        Ray::new(origin, direction)
+        Ray { left: self.left, ..Ray::new(origin, direction) }
     }
 }

@@ -1,9 +1,11 @@
 //! The world: instances of meshes and the endless ground, and the rays through them.
 
-use crate::accel::{Block, Bounds, BoxRay, MOST_ENTRIES, T_UP, Tree, TriangleRay, TriangleTree, WIDTH};
+use crate::accel::{
+    Block, Bounds, BoxRay, MOST_ENTRIES, T_UP, Tree, TriangleRay, TriangleTree, WIDTH, greater, lesser,
+};
 use crate::clearance::OpenCache;
 use crate::facet::area_vector;
-use crate::{Facet, FacetId, GROUND_OBJECT, Hit, Instance, MaterialId, Mesh, MeshBuilder, Ray};
+use crate::{Facet, FacetId, GROUND_OBJECT, Hit, Instance, Left, MaterialId, Mesh, MeshBuilder, Ray};
 use fearless_simd::{Level, Simd, dispatch};
 use glam::{DAffine3, DMat3, DVec3};
 use rayon::prelude::*;
@@ -352,12 +354,12 @@ impl World {
         let (o, d) = (ray.origin, ray.direction.vec());
         let Some(top) = &self.top else { return false };
         if top.order.len() <= FEW {
-            return top.order.iter().any(|&placed| self.trace_placed::<S, CLOSEST>(simd, placed, o, d, best));
+            return top.order.iter().any(|&placed| self.trace_placed::<S, CLOSEST>(simd, placed, ray, best));
         }
         let inv = 1.0 / d;
         let Some((enter, leave)) = top.block.clip(o, inv, best.t) else { return false };
         let box_ray = BoxRay::new(o + d * enter - top.block.centre, inv);
-        let until = |best: &Best| ((best.t + best.tolerance).min(leave) - enter) as f32 * T_UP;
+        let until = |best: &Best| (lesser(best.t + best.tolerance, leave) - enter) as f32 * T_UP;
         top.tree.walk::<S, CLOSEST>(
             simd,
             &box_ray,
@@ -365,7 +367,7 @@ impl World {
             #[inline(always)]
             |first, count, t_max| {
                 for &placed in &top.order[first..first + count] {
-                    if self.trace_placed::<S, CLOSEST>(simd, placed, o, d, best) {
+                    if self.trace_placed::<S, CLOSEST>(simd, placed, ray, best) {
                         return true;
                     }
                 }
@@ -380,13 +382,14 @@ impl World {
         &self,
         simd: S,
         index: u32,
-        o: DVec3,
-        d: DVec3,
+        ray: &Ray,
         best: &mut Best,
     ) -> bool {
         let placed = &self.placed[index as usize];
         let Some(TriangleTree { block, tree, packets }) = &self.trees[placed.mesh] else { return false };
         let mesh = self.mesh_of(placed);
+        let left_facet = if ray.left.placed == index { ray.left.facet } else { u32::MAX };
+        let (o, d) = (ray.origin, ray.direction.vec());
         let (o, d, length) = if placed.in_place {
             (o, d, 1.0)
         } else {
@@ -396,10 +399,12 @@ impl World {
         // t runs in the world's metres; in the block the ray starts at its entry and runs in the object's lengths
         let inv = 1.0 / d;
         let Some((enter, leave)) = block.clip(o, inv, best.t + best.tolerance) else { return false };
-        let (start, unit, inv) = (o + d * enter, d / length, inv * length);
+        let start = o + d * enter;
+        let (unit, inv, reach) =
+            if placed.in_place { (d, inv, block.reach) } else { (d / length, inv * length, block.reach / length) };
         let box_ray = BoxRay::new(start - block.centre, inv);
         let ray = TriangleRay::new(block, start, unit, inv);
-        let until = |best: &Best| (((best.t + best.tolerance).min(leave) - enter) * length) as f32 * T_UP;
+        let until = |best: &Best| ((lesser(best.t + best.tolerance, leave) - enter) * length) as f32 * T_UP;
         tree.walk::<S, CLOSEST>(
             simd,
             &box_ray,
@@ -411,10 +416,13 @@ impl World {
                     while left != 0 {
                         let triangle = packet.triangle[left.trailing_zeros() as usize & (WIDTH - 1)];
                         left &= left - 1;
+                        if mesh.facet_of(triangle) == left_facet {
+                            continue;
+                        }
                         let corners = mesh.triangle(triangle as usize);
                         let normal = mesh.normal(triangle, &corners);
                         let (s, cos) = ray.distance(&corners, normal);
-                        let t = enter + s / length;
+                        let t = enter + if placed.in_place { s } else { s / length };
                         if !(t > 0.0 && t < best.end) {
                             continue;
                         }
@@ -425,8 +433,7 @@ impl World {
                             continue;
                         }
                         // Closer than this across the facet, the rounding of corners and of the ray's start would decide.
-                        let reach = block.lo.abs().max(block.hi.abs()).max_element();
-                        let tolerance = 16.0 * f64::EPSILON * (reach / length + t) / cos.abs().max(1e-3);
+                        let tolerance = 16.0 * f64::EPSILON * (reach + t) / greater(cos.abs(), 1e-3);
                         if t > best.t + tolerance {
                             continue;
                         }
@@ -490,6 +497,11 @@ impl World {
             material: mesh.material(index as usize),
             instance: self.instances[instance].id,
             facet: FacetId(first_facet + (index - first)),
+            left: if mesh.is_bent(index as usize) {
+                Left::NONE
+            } else {
+                Left { placed: found.placed, facet: index }
+            },
         }
         .turned(ray)
     }
@@ -541,6 +553,7 @@ fn ground_hit(ground: &Ground, ray: &Ray, t: f64) -> Hit {
         material: ground.material,
         instance: GROUND_OBJECT,
         facet: FacetId::GROUND,
+        left: Left::NONE,
     }
 }
 

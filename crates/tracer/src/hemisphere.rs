@@ -145,7 +145,7 @@ impl Horizons {
 mod tests {
     use super::*;
     use std::f64::consts::{FRAC_PI_2, PI};
-    use sunglint_geometry::{FacetId, MaterialId};
+    use sunglint_geometry::{FacetId, Left, MaterialId};
 
     /// Directions below the horizon of a facet tilted by β carry the mean cosine to the normal of that lune, and those above
     /// that of the rest: ∫ cos² dω / ∫ cos dω, here by brute-force rejection from the whole hemisphere, within 4 standard
@@ -163,6 +163,7 @@ mod tests {
                 material: MaterialId(0),
                 instance: 0,
                 facet: FacetId(0),
+                left: Left::NONE,
             };
             let n = 20_000;
             let moments = |draws: &[DVec3]| {
