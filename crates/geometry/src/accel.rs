@@ -96,14 +96,15 @@ impl Block {
     #[inline(always)]
     pub fn clip(&self, o: DVec3, inv: DVec3, t_max: f64) -> Option<(f64, f64)> {
         let (mut near, mut far) = (0.0_f64, t_max);
+        let (lo, hi, o, inv) = (self.lo.to_array(), self.hi.to_array(), o.to_array(), inv.to_array());
         for a in 0..3 {
             let inv = inv[a];
             if inv.abs() < 1e300 {
-                let (t0, t1) = ((self.lo[a] - o[a]) * inv, (self.hi[a] - o[a]) * inv);
+                let (t0, t1) = ((lo[a] - o[a]) * inv, (hi[a] - o[a]) * inv);
                 let (enter, leave) = (lesser(t0, t1), greater(t0, t1));
                 near = greater(enter - 4.0 * f64::EPSILON * enter.abs(), near);
                 far = lesser(leave + 4.0 * f64::EPSILON * leave.abs(), far);
-            } else if !(self.lo[a]..=self.hi[a]).contains(&o[a]) {
+            } else if !(lo[a]..=hi[a]).contains(&o[a]) {
                 return None;
             }
         }
@@ -569,14 +570,17 @@ impl TriangleRay {
         let z = if size.z >= size.x && size.z >= size.y { 2 } else { usize::from(size.y >= size.x) };
         let axes = [(z + 1) % 3, (z + 2) % 3, z];
         let [x, y, _] = axes;
-        let inv = inv[z];
-        let shear = [d[x] * inv, d[y] * inv];
-        let about = (p - block.centre).as_vec3();
+        // An array is indexed without a branch.
+        let along = d.to_array();
+        let inv = inv.to_array()[z];
+        let shear = [along[x] * inv, along[y] * inv];
+        let about = (p - block.centre).as_vec3().to_array();
+        let at = p.to_array();
         Self {
             axes,
             p,
             d,
-            o: [p[x], p[y], p[z]],
+            o: [at[x], at[y], at[z]],
             shear,
             inv,
             o32: [about[x], about[y], about[z]],
@@ -618,21 +622,21 @@ impl TriangleRay {
     /// Its error across the plane is some roundings of |corner − origin|, where that of the weights times the depths grows with
     /// the triangle's aspect too. Seen edge-on the depths bound it.
     #[inline(always)]
-    pub fn distance(&self, [a, b, c]: &[DVec3; 3], normal: DVec3) -> (f64, f64) {
-        let depth = |v: &DVec3| (v[self.axes[2]] - self.o[2]) * self.inv;
+    pub fn distance(&self, [a, b, c]: [&DVec3; 3], normal: DVec3) -> (f64, f64) {
+        let depth = |v: &DVec3| (v.as_ref()[self.axes[2]] - self.o[2]) * self.inv;
         let (az, bz, cz) = (depth(a), depth(b), depth(c));
         let (near, far) = (lesser(az, lesser(bz, cz)), greater(az, greater(bz, cz)));
         let cos = normal.dot(self.d);
         // What is not a number gives way to the depths.
-        (lesser(greater(normal.dot(a - self.p) / cos, near), far), cos)
+        (lesser(greater(normal.dot(*a - self.p) / cos, near), far), cos)
     }
 
     /// Barycentric weights, times some factor, of the point where the line of the ray meets a triangle. Edges and corners belong
     /// to all their triangles, by edge functions that are exact negatives of each other across an edge.
     #[inline(always)]
-    pub fn weights(&self, [a, b, c]: &[DVec3; 3]) -> Option<[f64; 3]> {
+    pub fn weights(&self, [a, b, c]: [&DVec3; 3]) -> Option<[f64; 3]> {
         let sheared = |v: &DVec3| {
-            let [x, y, z] = self.axes;
+            let ([x, y, z], v): (_, &[f64; 3]) = (self.axes, v.as_ref());
             let vz = v[z] - self.o[2];
             (v[x] - self.o[0] - self.shear[0] * vz, v[y] - self.o[1] - self.shear[1] * vz)
         };

@@ -120,10 +120,10 @@ impl Mesh {
 
     /// Unit normal of a triangle: its facet's, or its own if the facet is bent.
     #[inline]
-    pub(crate) fn normal(&self, triangle: u32, corners: &[DVec3; 3]) -> DVec3 {
+    pub(crate) fn normal(&self, triangle: u32, corners: [&DVec3; 3]) -> DVec3 {
         let facet = self.facet_of(triangle) as usize;
         if self.is_bent(facet) {
-            area_vector(corners).normalize_or(self.normals[facet])
+            area_vector(&corners.map(|c| *c)).normalize_or(self.normals[facet])
         } else {
             self.normals[facet]
         }
@@ -148,8 +148,12 @@ impl Mesh {
         }
     }
     pub(crate) fn triangle(&self, i: usize) -> [DVec3; 3] {
-        let [a, b, c] = self.triangles[i];
-        [self.vertices[a as usize], self.vertices[b as usize], self.vertices[c as usize]]
+        self.corners(i).map(|corner| *corner)
+    }
+    /// The corners of triangle `i` where they lie.
+    #[inline(always)]
+    pub(crate) fn corners(&self, i: usize) -> [&DVec3; 3] {
+        self.triangles[i].map(|v| &self.vertices[v as usize])
     }
     pub(crate) fn memory_bytes(&self) -> usize {
         let words = |p: &Polygons| p.first_corner.len() + p.corners.len() + p.facet_of.len();

@@ -378,13 +378,7 @@ impl World {
     }
 
     #[inline(always)]
-    fn trace_placed<S: Simd, const CLOSEST: bool>(
-        &self,
-        simd: S,
-        index: u32,
-        ray: &Ray,
-        best: &mut Best,
-    ) -> bool {
+    fn trace_placed<S: Simd, const CLOSEST: bool>(&self, simd: S, index: u32, ray: &Ray, best: &mut Best) -> bool {
         let placed = &self.placed[index as usize];
         let Some(TriangleTree { block, tree, packets }) = &self.trees[placed.mesh] else { return false };
         let mesh = self.mesh_of(placed);
@@ -419,15 +413,15 @@ impl World {
                         if mesh.facet_of(triangle) == left_facet {
                             continue;
                         }
-                        let corners = mesh.triangle(triangle as usize);
-                        let normal = mesh.normal(triangle, &corners);
-                        let (s, cos) = ray.distance(&corners, normal);
+                        let corners = mesh.corners(triangle as usize);
+                        let normal = mesh.normal(triangle, corners);
+                        let (s, cos) = ray.distance(corners, normal);
                         let t = enter + if placed.in_place { s } else { s / length };
                         if !(t > 0.0 && t < best.end) {
                             continue;
                         }
                         if !CLOSEST {
-                            if ray.weights(&corners).is_some() {
+                            if ray.weights(corners).is_some() {
                                 return true;
                             }
                             continue;
@@ -437,7 +431,7 @@ impl World {
                         if t > best.t + tolerance {
                             continue;
                         }
-                        let Some(weights) = ray.weights(&corners) else { continue };
+                        let Some(weights) = ray.weights(corners) else { continue };
                         let front = cos <= 0.0;
                         let found = Found { placed: index, triangle, weights, front };
                         let better = match &best.found {
@@ -474,7 +468,7 @@ impl World {
     fn hit(&self, ray: &Ray, t: f64, found: &Found) -> Hit {
         let placed = &self.placed[found.placed as usize];
         let mesh = self.mesh_of(placed);
-        let corners @ [a, b, c] = mesh.triangle(found.triangle as usize);
+        let [a, b, c] = mesh.triangle(found.triangle as usize);
         let sum = found.weights.iter().sum::<f64>();
         let [u, v, w] = found.weights.map(|weight| weight / sum);
         let point = u * a + v * b + w * c;
@@ -482,7 +476,7 @@ impl World {
         let index = mesh.facet_of(found.triangle);
         let instance = self.instance_of(placed, index) as usize;
         let Place { first_facet, first, .. } = self.places[instance];
-        let normal = placed.normal(mesh.normal(found.triangle, &corners));
+        let normal = placed.normal(mesh.normal(found.triangle, [&a, &b, &c]));
         // With u the unit roundoff: weights and their sum 7 u |v| [PBRT 4e, eq. 6.27]; the pose there 4 u and, for rays that
         // start here, back 4 u, each on all its terms; corner − origin and shear 5 u. In all less than 16 u of the largest
         // term, and that times |M||M⁻¹| where there is a pose.
@@ -497,11 +491,7 @@ impl World {
             material: mesh.material(index as usize),
             instance: self.instances[instance].id,
             facet: FacetId(first_facet + (index - first)),
-            left: if mesh.is_bent(index as usize) {
-                Left::NONE
-            } else {
-                Left { placed: found.placed, facet: index }
-            },
+            left: if mesh.is_bent(index as usize) { Left::NONE } else { Left { placed: found.placed, facet: index } },
         }
         .turned(ray)
     }

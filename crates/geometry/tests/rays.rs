@@ -285,12 +285,35 @@ fn a_ray_never_meets_the_facet_it_leaves() {
                 for grazing in [1.0, 1e-3, 1e-9, -1e-9, -1.0] {
                     let along =
                         edge_a.normalize() * random.within(-1.0, 1.0) + edge_b.normalize() * random.within(-1.0, 1.0);
+                    // Beyond the error bound, it does so though nobody tells it where it starts.
                     let ray = hit.leave(WorldDir::new(along.normalize() + hit.normal * grazing));
-                    assert!(world.closest(&ray).is_none(), "round {round}, grazing {grazing}, error {}", hit.error);
+                    for ray in [ray, Ray { left: Left::NONE, ..ray }] {
+                        assert!(world.closest(&ray).is_none(), "round {round}, grazing {grazing}, error {}", hit.error);
+                    }
                 }
             }
         }
     }
+}
+
+/// What a ray meets is the same whether or not it is told which facet it leaves: in a crowd of instances, alone and joined.
+#[test]
+fn a_ray_meets_the_same_whether_or_not_it_knows_what_it_leaves() {
+    let mut random = Random(91);
+    let mut met = 0;
+    for (seed, offset) in OFFSETS.into_iter().enumerate() {
+        let world = crowd(seed as u64, offset, seed == 0);
+        for _ in 0..4_000 {
+            let from = offset + random.point(40.0);
+            let Some(hit) = world.closest(&Ray::new(from, random.direction())) else { continue };
+            let told = hit.leave(random.direction());
+            let untold = Ray { left: Left::NONE, ..told };
+            assert_eq!(world.closest(&told), world.closest(&untold));
+            assert_eq!(world.occluded(&told), world.occluded(&untold));
+            met += usize::from(world.occluded(&told));
+        }
+    }
+    assert!(met > 1_000, "{met}");
 }
 
 /// Corners typed to the millimetre bend a roof of 10 m a little. Its triangles are hit where they are, each by its own

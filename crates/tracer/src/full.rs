@@ -271,9 +271,8 @@ impl Full {
         if !roulette(&mut weight, ROULETTE * left, stream) {
             return;
         }
-        let [a, b] = stream.next2();
-        let draw = [a, b, stream.next1()];
-        match of_even.filter(|_| draw[2] >= 1.0 - even) {
+        let choice = if even < 1.0 { stream.next1() } else { 1.0 };
+        match of_even.filter(|_| choice >= 1.0 - even) {
             Some(spectrum) => {
                 let share = if open.is_some() { 1.0 - open_sky_view(hit.normal) } else { 1.0 };
                 if share > 0.0 {
@@ -288,7 +287,10 @@ impl Full {
                     }
                 }
             }
-            None => self.rest(walk, &Step { weight, ..*step }, surface, outgoing, draw, 1.0, stream, paths),
+            None => {
+                let [a, b] = stream.next2();
+                self.rest(walk, &Step { weight, ..*step }, surface, outgoing, [a, b, choice], 1.0, stream, paths);
+            }
         }
     }
 

@@ -36,18 +36,25 @@ impl Merged {
     fn add(&mut self, replicate: u8, weight: f64, spectrum: &[f64]) {
         let n = spectrum.len();
         // Samples come replicate by replicate.
-        let at = self.replicates.iter().rposition(|known| *known == replicate).unwrap_or_else(|| {
+        let at = match self.replicates.last() {
+            Some(last) if *last == replicate => self.replicates.len() - 1,
+            _ => self.place_of(replicate, n),
+        };
+        self.sums[at * n..][..n].iter_mut().zip(spectrum).for_each(|(sum, t)| *sum += weight * t);
+    }
+
+    fn place_of(&mut self, replicate: u8, n: usize) -> usize {
+        self.replicates.iter().position(|known| *known == replicate).unwrap_or_else(|| {
             self.replicates.push(replicate);
             self.sums.resize(self.sums.len() + n, 0.0);
             self.replicates.len() - 1
-        });
-        self.sums[at * n..][..n].iter_mut().zip(spectrum).for_each(|(sum, t)| *sum += weight * t);
+        })
     }
 
     /// Lays many replicates side by side, once all are there.
     fn finish(&mut self, n: usize) {
         if self.replicates.len() < MANY_REPLICATES {
-            return;
+            return self.sums.shrink_to_fit();
         }
         self.by_node = vec![[0.0; REPLICATES]; n];
         for (replicate, spectrum) in self.replicates.iter().zip(self.sums.chunks_exact(n)) {
@@ -149,6 +156,21 @@ pub(crate) struct PixelLight {
 /// What tells merged records apart: cluster, term, and of the kind a tag and up to three numbers.
 type Key = (u8, Term, u8, [u64; 3]);
 
+impl Kind {
+    /// Its tag and its numbers.
+    fn key(self) -> (u8, [u64; 3]) {
+        match self {
+            Self::Own => (0, [0; 3]),
+            Self::MeanSky => (1, [0; 3]),
+            Self::OpenSky(normal) => (2, normal.to_array().map(f64::to_bits)),
+            Self::Sun { run } => (3, [u64::from(run), 0, 0]),
+            // Points of one group have one normal.
+            Self::Ambient { run, .. } => (4, [u64::from(run), 0, 0]),
+            Self::Patch { node, .. } => (5, node.vec().to_array().map(f64::to_bits)),
+        }
+    }
+}
+
 /// Merged records as they are found.
 struct Gathering<'a> {
     paths: &'a Paths,
@@ -156,47 +178,33 @@ struct Gathering<'a> {
     merged: Vec<Merged>,
     found: FxHashMap<Key, usize>,
     /// The last of each tag: most records follow one of their own kind.
-    last: [Option<(Key, usize)>; 6],
+    last: [usize; 6],
 }
 
 impl<'a> Gathering<'a> {
     fn new(paths: &'a Paths, by_term: bool) -> Self {
-        Self { paths, by_term, merged: Vec::new(), found: FxHashMap::default(), last: [None; 6] }
+        Self { paths, by_term, merged: Vec::new(), found: FxHashMap::default(), last: [usize::MAX; 6] }
     }
 
     /// Adds a share of a record to those of its kind.
     fn add(&mut self, record: &Record, share: f64, kind: Kind) {
-        let (tag, key) = match kind {
-            Kind::Own => (0, [0; 3]),
-            Kind::MeanSky => (1, [0; 3]),
-            Kind::OpenSky(normal) => (2, normal.to_array().map(f64::to_bits)),
-            Kind::Sun { run } => (3, [u64::from(run), 0, 0]),
-            // Points of one group have one normal.
-            Kind::Ambient { run, .. } => (4, [u64::from(run), 0, 0]),
-            Kind::Patch { node, .. } => (5, node.vec().to_array().map(f64::to_bits)),
-        };
         let sample = &self.paths.samples[record.sample as usize];
+        let spectrum = self.paths.spectrum(record.spectrum);
         let (cluster, term) = (sample.cluster, term_of(record.term, self.by_term));
-        let key = (cluster, term, tag, key);
-        let last = self.last[usize::from(tag)].filter(|(last, _)| *last == key);
-        let at = last.map_or_else(
-            || {
-                *self.found.entry(key).or_insert_with(|| {
-                    self.merged.push(Merged {
-                        cluster,
-                        term,
-                        kind,
-                        replicates: SmallVec::new(),
-                        sums: Vec::new(),
-                        by_node: Vec::new(),
-                    });
-                    self.merged.len() - 1
-                })
-            },
-            |(_, at)| at,
-        );
-        self.last[usize::from(tag)] = Some((key, at));
-        self.merged[at].add(sample.replicate, record.weight * share, self.paths.spectrum(record.spectrum));
+        let (tag, numbers) = kind.key();
+        let last = &mut self.last[usize::from(tag)];
+        let is_alike =
+            |merged: &&mut Merged| merged.cluster == cluster && merged.term == term && merged.kind.key().1 == numbers;
+        if let Some(merged) = self.merged.get_mut(*last).filter(is_alike) {
+            return merged.add(sample.replicate, record.weight * share, spectrum);
+        }
+        let merged = &mut self.merged;
+        *last = *self.found.entry((cluster, term, tag, numbers)).or_insert_with(|| {
+            let sums = Vec::with_capacity(REPLICATES * spectrum.len());
+            merged.push(Merged { cluster, term, kind, replicates: SmallVec::new(), sums, by_node: Vec::new() });
+            merged.len() - 1
+        });
+        merged[*last].add(sample.replicate, record.weight * share, spectrum);
     }
 }
 
@@ -205,7 +213,7 @@ impl PixelLight {
     pub fn new(block: &Block<'_>, records: Range<usize>, by_term: bool) -> Self {
         let paths = block.paths;
         let record = |i: u32| &paths.records[i as usize];
-        let (mut changing, mut grouped) = (Vec::new(), Vec::new());
+        let (mut changing, mut grouped) = (Vec::new(), Vec::with_capacity(records.len()));
         let mut glints: Vec<Glints> = Vec::new();
         let mut bundles: Vec<(WorldDir, Vec<u32>)> = Vec::new();
         let mut gathering = Gathering::new(paths, by_term);

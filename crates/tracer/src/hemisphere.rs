@@ -55,6 +55,16 @@ fn sides(normal: DVec3) -> [DVec3; 2] {
 /// A patch: facet and side, the power of two that its side is, and its place among those.
 type PatchKey = (FacetId, bool, i32, i64, i64);
 
+/// A patch that was asked for: its facet and side, its own side, its place among those along the facet's sides, and which
+/// horizon it has.
+struct Asked {
+    of: (FacetId, bool),
+    side: f64,
+    axes: [DVec3; 2],
+    place: [f64; 2],
+    horizon: u32,
+}
+
 /// Horizons of patches of the facets that fill much of a block.
 #[derive(Default)]
 pub(crate) struct Horizons {
@@ -64,7 +74,7 @@ pub(crate) struct Horizons {
     width: f64,
     all: Vec<Horizon>,
     known: FxHashMap<PatchKey, u32>,
-    last: Option<(PatchKey, u32)>,
+    last: Option<Asked>,
 }
 
 /// Share of a block that a facet fills for which horizons are made: one costs about as much as 100 samples.
@@ -118,21 +128,24 @@ impl Horizons {
         }
         // The power of two above it.
         let side = f64::from_bits(width.to_bits() >> 52 << 52) * 2.0;
-        let [strike, down] = sides(hit.normal);
-        let cell = |axis: DVec3| (axis.dot(hit.point) / side).floor();
-        let (u, v) = (cell(strike), cell(down));
-        let key = (hit.facet, hit.front, (side.to_bits() >> 52) as i32, u as i64, v as i64);
-        if let Some((_, at)) = self.last.filter(|(last, _)| *last == key) {
-            return Some(at);
+        let along = |axis: DVec3| axis.dot(hit.point) / side;
+        if let Some(last) = &self.last
+            && (last.of, last.side) == ((hit.facet, hit.front), side)
+            && (0..2).all(|i| (last.place[i]..last.place[i] + 1.0).contains(&along(last.axes[i])))
+        {
+            return Some(last.horizon);
         }
-        let at = *self.known.entry(key).or_insert_with(|| {
+        let axes @ [strike, down] = sides(hit.normal);
+        let place @ [u, v] = axes.map(|axis| along(axis).floor());
+        let key = (hit.facet, hit.front, (side.to_bits() >> 52) as i32, u as i64, v as i64);
+        let horizon = *self.known.entry(key).or_insert_with(|| {
             let middle = side * ((u + 0.5) * strike + (v + 0.5) * down) + offset * hit.normal;
-            let patch = Patch { middle, half: 0.5 * side, sides: [strike, down], normal: hit.normal };
+            let patch = Patch { middle, half: 0.5 * side, sides: axes, normal: hit.normal };
             self.all.push(world.horizon(&patch));
             self.all.len() as u32 - 1
         });
-        self.last = Some((key, at));
-        Some(at)
+        self.last = Some(Asked { of: (hit.facet, hit.front), side, axes, place, horizon });
+        Some(horizon)
     }
 
     /// One that was made for this block.

@@ -237,8 +237,9 @@ impl Paths {
     pub(crate) fn times(&mut self, id: SpectrumId, factor: impl Fn(usize) -> f64) -> SpectrumId {
         let (from, n) = (id as usize * self.n_nodes, self.n_nodes);
         let fresh = self.spectra.len();
-        self.spectra.extend_from_within(from..from + n);
-        self.spectra[fresh..].iter_mut().enumerate().for_each(|(q, value)| *value *= factor(q));
+        self.spectra.resize(fresh + n, 0.0);
+        let (known, new) = self.spectra.split_at_mut(fresh);
+        new.iter_mut().zip(&known[from..from + n]).enumerate().for_each(|(q, (new, value))| *new = value * factor(q));
         (fresh / n.max(1)) as SpectrumId
     }
 
