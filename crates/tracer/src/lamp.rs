@@ -5,17 +5,21 @@ use std::sync::{Arc, RwLock};
 
 use fearless_simd::dispatch;
 use glam::DVec3;
+use nalgebra::{DMatrix, DVector};
 use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
-use sunglint_radiometry::{Channels, WorldDir};
+use sunglint_radiometry::{Channels, Radiance, Spectrum, WorldDir};
 
 use crate::nodes::pivots;
 use crate::sightline::{Knot, Lattice, Share};
 use crate::vectors::{Four, add_rows, bilinear, extend_fours, fours, level, mix_fours, times};
 use crate::{Illumination, Nodes};
 
-/// What the sky's few terms may miss of each term's weights, of its mean over the channel.
-const SKY_TOLERANCE: f64 = 1e-4;
+/// What the sky's few spectra may miss of each term's weights, of its mean over the channel: radiances change by 1e-5 in the root
+/// mean square over the truth scene, and by 3e-4 at most, at sunrise.
+const SKY_TOLERANCE: f64 = 2e-4;
+/// The same of the terms that these are made of.
+const SPAN_TOLERANCE: f64 = 1e-6;
 /// Bytes that the knots of lines of sight of all times of a view may take, near enough, and the fewest knots of one time: those
 /// of some tiles.
 const KNOTS_LIMIT: usize = 1 << 26;
@@ -28,21 +32,20 @@ pub(crate) struct Lamp {
     pub own: Vec<f64>,
     pub beam: Vec<f64>,
     pub mean_sky: Vec<f64>,
-    /// The terms that stand for the sky: for each channel and each of its nodes the weights of its terms, in fours.
+    /// The spectra that stand for the sky: for each channel and each of its nodes their weights, in fours.
     sky: Vec<Four>,
 }
 
 impl Lamp {
     fn new(lights: &Lights, (channels, nodes): (&Channels, &Nodes), tau_2: Option<&[f64]>) -> Self {
         let Illumination { sky, beam, mean_sky, .. } = &*lights.illumination;
-        let terms = sky.sky_terms();
         let product = |spectra: &[&[f64]]| weights(channels, nodes, spectra, tau_2);
         let mut of_sky = Vec::new();
         for (c, channel) in lights.channels.iter().enumerate() {
             let n = nodes.of_channel(c).len();
-            let mut by_term = Vec::with_capacity(n * channel.terms.len());
-            for term in &channel.terms {
-                weights_of(c, channels, nodes, &terms[*term as usize], tau_2, &mut by_term);
+            let mut by_term = Vec::with_capacity(n * channel.spectra.len());
+            for spectrum in &channel.spectra {
+                weights_of(c, channels, nodes, spectrum, tau_2, &mut by_term);
             }
             for q in 0..n {
                 extend_fours(&mut of_sky, by_term.iter().skip(q).step_by(n).copied());
@@ -121,49 +124,81 @@ fn weights(channels: &Channels, nodes: &Nodes, spectra: &[&[f64]], tau_2: Option
     out
 }
 
-/// The sky terms that stand for all in one channel, and how much of each every term is.
+/// A few spectra that stand for the sky's terms in one channel, and how much of each every term is.
 #[derive(Clone, Debug)]
 struct SkyOfChannel {
-    terms: Vec<u32>,
+    /// On the grid.
+    spectra: Vec<Vec<f64>>,
     /// Row by row of all terms.
     amounts: Vec<f64>,
 }
 
 impl SkyOfChannel {
-    /// Rows of weights, one a term: cross approximation with full pivoting [Bebendorf2000], from which the terms that were
-    /// chosen give all others.
-    fn new(rows: &[&[f64]]) -> Self {
+    /// Of terms and their rows of weights: as few singular vectors as leave no more than the tolerance [Eckart1936], each term
+    /// held to its own mean. Their spectra are sums of some terms that span all more closely than that, found by cross approximation
+    /// with full pivoting [Bebendorf2000].
+    fn new(rows: &[&[f64]], terms: &[Spectrum<Radiance>]) -> Self {
         let n = rows.first().map_or(0, |row| row.len());
-        // Each term is held to its own mean.
         let owns: Vec<f64> = rows.iter().map(|row| row.iter().sum::<f64>().abs()).collect();
         let normed = |k: usize, i: usize| if owns[k] > 0.0 { rows[k][i] / owns[k] } else { 0.0 };
         let all: Vec<Vec<f64>> = (0..rows.len()).map(|k| (0..n).map(|i| normed(k, i)).collect()).collect();
-        let (terms, columns): (Vec<u32>, Vec<usize>) =
-            pivots(&all, SKY_TOLERANCE).into_iter().map(|(k, i)| (k as u32, i)).unzip();
-        // row_k = Σ_m a_m row_(k_m) at the chosen columns.
-        let m = terms.len();
-        if m == 0 {
-            return Self { terms, amounts: Vec::new() };
+        let (spanning, columns): (Vec<usize>, Vec<usize>) = pivots(&all, SPAN_TOLERANCE).into_iter().unzip();
+        if spanning.is_empty() {
+            return Self { spectra: Vec::new(), amounts: Vec::new() };
         }
-        let matrix = nalgebra::DMatrix::from_fn(m, m, |i, j| normed(terms[j] as usize, columns[i]));
-        let solve = matrix.lu();
-        let mut amounts = Vec::with_capacity(rows.len() * m);
-        for k in 0..rows.len() {
-            let wanted = nalgebra::DVector::from_fn(m, |i, _| normed(k, columns[i]));
-            let own = solve.solve(&wanted).unwrap_or_else(|| nalgebra::DVector::zeros(m));
-            amounts.extend(own.iter().zip(&terms).map(|(a, term)| a * owns[k] / owns[*term as usize]));
+        let product = |i: usize, j: usize| all.iter().map(|row| row[i] * row[j]).sum::<f64>();
+        let mut products = DMatrix::zeros(n, n);
+        for (i, j) in (0..n).flat_map(|i| (0..=i).map(move |j| (i, j))) {
+            products[(i, j)] = product(i, j);
+            products[(j, i)] = products[(i, j)];
         }
-        Self { terms, amounts }
+        let eigen = products.symmetric_eigen();
+        let mut order: Vec<usize> = (0..n).collect();
+        order.sort_by(|a, b| eigen.eigenvalues[*b].total_cmp(&eigen.eigenvalues[*a]));
+        // What is left of the rows, and how much of each vector they have.
+        let mut left = all.clone();
+        let mut shares: Vec<Vec<f64>> = Vec::new();
+        for vector in order.iter().map(|i| eigen.eigenvectors.column(*i)) {
+            if left.iter().flatten().all(|value| value.abs() <= SKY_TOLERANCE) {
+                break;
+            }
+            shares.push(
+                (left.iter_mut())
+                    .map(|row| {
+                        let share = row.iter().zip(&vector).map(|(value, v)| value * v).sum::<f64>();
+                        row.iter_mut().zip(&vector).for_each(|(value, v)| *value -= share * v);
+                        share
+                    })
+                    .collect(),
+            );
+        }
+        // vector = Σ_m a_m row_(k_m) at the chosen columns.
+        let m = spanning.len();
+        let solve = DMatrix::from_fn(m, m, |i, j| all[spanning[j]][columns[i]]).lu();
+        let spectrum = |vector: &usize| {
+            let wanted = DVector::from_fn(m, |i, _| eigen.eigenvectors[(columns[i], *vector)]);
+            let own = solve.solve(&wanted).unwrap_or_else(|| DVector::zeros(m));
+            let mut sum = vec![0.0; terms.first().map_or(0, |term| term.len())];
+            for (a, k) in own.iter().zip(&spanning) {
+                sum.iter_mut().zip(terms[*k].iter()).for_each(|(sum, value)| *sum += a / owns[*k] * value);
+            }
+            sum
+        };
+        let spectra: Vec<Vec<f64>> = order.iter().take(shares.len()).map(spectrum).collect();
+        let amounts = (0..rows.len())
+            .flat_map(|k| shares.iter().map(move |share| (k, share)))
+            .map(|(k, share)| owns[k] * share[k]);
+        Self { amounts: amounts.collect(), spectra }
     }
 
-    /// Fours that hold its terms.
+    /// Fours that hold an amount of each spectrum.
     fn width(&self) -> usize {
-        fours(self.terms.len())
+        fours(self.spectra.len())
     }
 
-    /// How much of each chosen term the term `k` is.
+    /// How much of each spectrum the term `k` is.
     fn row(&self, k: usize) -> &[f64] {
-        let m = self.terms.len();
+        let m = self.spectra.len();
         &self.amounts[k * m..(k + 1) * m]
     }
 }
@@ -192,9 +227,9 @@ pub struct Lights {
     /// The sky and the sun.
     pub illumination: Arc<Illumination>,
     channels: Vec<SkyOfChannel>,
-    /// Sum of the fours of the channels' terms.
+    /// Sum of the fours of the channels' spectra.
     n_fours: usize,
-    /// By term of the sky, how much of each channel's terms it is, channel after channel, in fours.
+    /// By term of the sky, how much of each channel's spectra it is, channel after channel, in fours.
     amounts: Vec<Four>,
     /// Without a path.
     bare: Lamp,
@@ -215,7 +250,7 @@ impl Lights {
             let own = start..start + nodes.of_channel(c).len();
             start = own.end;
             let rows: Vec<&[f64]> = rows.iter().map(|row| &row[own.clone()]).collect();
-            SkyOfChannel::new(&rows)
+            SkyOfChannel::new(&rows, terms)
         };
         let of_channels: Vec<SkyOfChannel> = (0..channels.len()).map(of_channel).collect();
         let mut amounts = Vec::new();
@@ -243,7 +278,8 @@ impl Lights {
         &self.bare
     }
 
-    fn mix(&self, weights: &[(u32, f64)], amounts: &mut Vec<Four>) {
+    /// A sum of weighed terms of the sky as amounts.
+    pub(crate) fn mix(&self, weights: &[(u32, f64)], amounts: &mut Vec<Four>) {
         amounts.resize(self.n_fours, [0.0; 4]);
         dispatch!(level(), simd => mix_fours(simd, weights, &self.amounts, amounts));
     }

@@ -14,7 +14,7 @@ use crate::gathered::{Glints, Kind, Patch, PixelLight, Run, Sums, term_of};
 use crate::hemisphere::above_horizon;
 use crate::lamp::{Lamp, OfKnot, Wants};
 use crate::mirrors::{Image, Thrower, mirrored};
-use crate::paths::{FacetGroup, Paths, RayCounts, Source, SpectrumId};
+use crate::paths::{FacetGroup, Paths, RayCounts, Record, Source, SpectrumId};
 use crate::pixel::PixelRadiance;
 use crate::sightline::{Knot, Lattice, Shares};
 use crate::sun::{LastSun, Standing, Sun, SunLight, combined, glint};
@@ -139,6 +139,8 @@ struct Work {
     lamps: Vec<(Lamp, Vec<f64>)>,
     alike: Vec<Alike>,
     weights: Vec<(u32, f64)>,
+    /// Weights of the sky's terms along directions that are looked along together.
+    looks: Vec<(u32, f64)>,
     amounts: Vec<Four>,
     values: Vec<f64>,
     lamp: Vec<f64>,
@@ -268,7 +270,7 @@ impl<'a> BlockLight<'a> {
     fn gather<'l>(
         &mut self,
         light: &PixelLight,
-        lamp_of: impl Fn(usize) -> &'l Lamp,
+        lamp_of: impl Fn(usize) -> &'l Lamp + Copy,
         by_term: bool,
         sums: &mut Sums<'_>,
         work: &mut Work,
@@ -339,7 +341,13 @@ impl<'a> BlockLight<'a> {
         // Far from the sun no lobe sees it, and most mirror directions are far from the sun.
         let sees = |glints: &&Glints| sun.is_some_and(|sun| glints.reach(sun, self.time.sun_radius));
         let glints = light.glints.iter().filter(sees).flat_map(|glints| &glints.records);
+        work.looks.clear();
+        let mut looking: Option<&Record> = None;
         for record in patched.chain(glints).chain(&light.changing).map(|i| &paths.records[*i as usize]) {
+            // What one path sees of the sky from one surface meets the sky's spectra once.
+            if let Some(first) = looking.take_if(|first| !record.looks_with(first)) {
+                self.look(first, lamp_of, by_term, sums, work);
+            }
             let sample = &paths.samples[record.sample as usize];
             let (replicate, term) = (usize::from(sample.replicate), term_of(record.term, by_term));
             let lamp = lamp_of(sample.cluster.into());
@@ -348,10 +356,10 @@ impl<'a> BlockLight<'a> {
                 Source::Own | Source::MeanSky | Source::OpenSky { .. } | Source::Sun { .. } => {}
                 Source::Sky { .. } | Source::FreeSky { .. } => {
                     let Some((direction, share)) = self.looks_at(&record.source) else { continue };
-                    if self.lights.sky(direction, &mut work.weights, &mut work.amounts) {
-                        self.lights.by_sky(lamp, self.block.nodes, spectrum, &work.amounts, &mut work.values);
-                        sums.add_values(replicate, term, work.values.iter().copied(), share * record.weight);
-                    }
+                    self.time.sky.sky_weights(direction, &mut work.weights);
+                    let scale = share * record.weight;
+                    work.looks.extend(work.weights.iter().map(|(k, weight)| (*k, scale * weight)));
+                    looking.get_or_insert(record);
                 }
                 Source::Glint { vertex, mirror, escaped, solid_angle, half_angle, law } => {
                     let Some(sun) = self.time.sun else { continue };
@@ -391,6 +399,28 @@ impl<'a> BlockLight<'a> {
                 }
             }
         }
+        if let Some(first) = looking {
+            self.look(first, lamp_of, by_term, sums, work);
+        }
+    }
+
+    /// Adds what a path sees of the sky from a surface: `work.looks`, by a record of it.
+    fn look<'l>(
+        &self,
+        record: &Record,
+        lamp_of: impl Fn(usize) -> &'l Lamp,
+        by_term: bool,
+        sums: &mut Sums<'_>,
+        work: &mut Work,
+    ) {
+        let paths = self.block.paths;
+        let sample = &paths.samples[record.sample as usize];
+        let (lamp, spectrum) = (lamp_of(sample.cluster.into()), paths.spectrum(record.spectrum));
+        self.lights.mix(&work.looks, &mut work.amounts);
+        work.looks.clear();
+        self.lights.by_sky(lamp, self.block.nodes, spectrum, &work.amounts, &mut work.values);
+        let term = term_of(record.term, by_term);
+        sums.add_values(sample.replicate.into(), term, work.values.iter().copied(), 1.0);
     }
 
     /// Where a record looks at the sky, and with what share: V − α of a vertex where there is one, α = 1 unless something hides

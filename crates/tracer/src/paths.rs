@@ -80,6 +80,16 @@ pub(crate) struct Record {
     pub term: Term,
 }
 
+impl Record {
+    /// Whether both look at the sky with the same spectrum, as parts of one sample.
+    pub fn looks_with(&self, other: &Self) -> bool {
+        let looks = |record: &Self| matches!(record.source, Source::Sky { .. } | Source::FreeSky { .. });
+        (self.sample, self.spectrum, self.term) == (other.sample, other.spectrum, other.term)
+            && looks(self)
+            && looks(other)
+    }
+}
+
 /// A sample of a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Sample {
