@@ -422,3 +422,44 @@ impl Lights {
         fresh
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Terms that mix five smooth spectra, 40 entries told at 12 nodes: the spectra that stand for them are no more than five, give
+    /// each term's weights back within the tolerance of its mean, and do so behind a path that takes light away by wavelength too.
+    #[test]
+    fn few_spectra_give_the_weights_of_every_term_back() {
+        let (n, n_grid) = (12, 40);
+        let smooth = |k: usize, x: f64| (1.3 * k as f64 * x).cos() * 0.4f64.powi(k as i32);
+        let terms: Vec<Spectrum<Radiance>> = (0..200)
+            .map(|term| {
+                let share = |k: usize| if k == 0 { 1.0 } else { (f64::from(term) * 0.37 * (k + 1) as f64).sin() };
+                let value = |i: usize| (0..5).map(|k| share(k) * smooth(k, i as f64 / n_grid as f64)).sum::<f64>();
+                Spectrum::new((0..n_grid).map(value).collect())
+            })
+            .collect();
+        let clear = |_: usize| 1.0;
+        let hazy = |i: usize| 0.9 - 0.6 * i as f64 / n_grid as f64;
+        // Each node stands for the entries about it.
+        let weights_of = |spectrum: &[f64], path: &dyn Fn(usize) -> f64| -> Vec<f64> {
+            let near = |q: usize, i: usize| (1.0 - (i as f64 * n as f64 / n_grid as f64 - q as f64).abs()).max(0.0);
+            (0..n).map(|q| (0..n_grid).map(|i| near(q, i) * path(i) * spectrum[i]).sum()).collect()
+        };
+        let rows: Vec<Vec<f64>> = terms.iter().map(|term| weights_of(term, &clear)).collect();
+        let sky = SkyOfChannel::new(&rows.iter().map(Vec::as_slice).collect::<Vec<_>>(), &terms);
+        assert!((3..=5).contains(&sky.spectra.len()), "{}", sky.spectra.len());
+        for (path, allowed) in [(&clear as &dyn Fn(usize) -> f64, SKY_TOLERANCE), (&hazy, 2.0 * SKY_TOLERANCE)] {
+            let of_spectra: Vec<Vec<f64>> = sky.spectra.iter().map(|spectrum| weights_of(spectrum, path)).collect();
+            for (k, term) in terms.iter().enumerate() {
+                let due = weights_of(term, path);
+                let mean = due.iter().sum::<f64>();
+                for (q, due) in due.iter().enumerate() {
+                    let found: f64 = sky.row(k).iter().zip(&of_spectra).map(|(amount, of)| amount * of[q]).sum();
+                    assert!((found - due).abs() <= allowed * mean, "term {k}, node {q}: {found} for {due}");
+                }
+            }
+        }
+    }
+}
