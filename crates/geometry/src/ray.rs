@@ -7,7 +7,7 @@ use sunglint_radiometry::WorldDir;
 /// Object id of the endless ground in [`Hit::instance`].
 pub const GROUND_OBJECT: u32 = u32::MAX;
 
-/// A plane facet as the world traces it, which a ray that leaves it cannot meet again; none by default.
+/// A plane facet as the world traces it, which a ray that leaves it cannot meet again; [`Left::NONE`] where there is none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Left {
     /// What is placed, and the facet of its mesh.
