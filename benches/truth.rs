@@ -13,7 +13,7 @@ fn plan(scene: &str, options: &Options) -> Plan {
 
 /// A tile in the middle of the truth scene, 32 × 32 pixels of 640 × 480, 64 samples: panels and shed.
 fn middle_tile(run: &Run) -> sunglint::tracer::TileResult {
-    run.render_tile(sunglint::tracer::Tile { x: 224, y: 160, width: 32, height: 32 })
+    run.lit().render_tile(sunglint::tracer::Tile { x: 224, y: 160, width: 32, height: 32 })
 }
 
 fn truth(criterion: &mut Criterion) {

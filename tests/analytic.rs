@@ -398,7 +398,7 @@ fn sun_mirror(material: &str, field_of_view: f64, experiments: &str) -> Plan {
 /// What a pixel of a mirror's image looks into: angles between the reflected ray and the sun, the least and largest
 /// over its corners, and its solid angle.
 fn reflected(run: &Run, i: usize) -> (f64, f64, f64) {
-    let sun = run.light[0].sun.expect("a sun");
+    let sun = run.light(0).sun.expect("a sun");
     let (x, y) = ((i % 48) as f64, (i / 48) as f64);
     let corners =
         [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)].map(|(a, b)| run.camera.ray(x + a, y + b).direction.vec());
@@ -507,7 +507,7 @@ fn a_lobe_no_wider_than_the_disk_is_a_mirror_at_aphelion_too() {
     );
     let (ideal, split) = (run(&plan, "ideal").render(), run(&plan, "split").render());
     let level = pixels(&ideal, 0).into_iter().map(|(l, _)| l).fold(0.0, f64::max);
-    let radius = run(&plan, "ideal").light[0].sun_radius;
+    let radius = run(&plan, "ideal").light(0).sun_radius;
     let distance = run(&plan, "ideal").moments[0].sun.unwrap().distance;
     assert!(distance > 1.016 && radius < sun_radius());
     assert_exact("sun in a mirror in July", [(level, 0.3 * 1500.0 / (PI * sun_radius().sin().powi(2)))]);
@@ -1042,7 +1042,7 @@ fn a_level_path_through_a_scene_follows_koschmieder() {
     let mut horizons = Vec::new();
     for (sensor, length) in [("near", 1000.0), ("middle", 5000.0), ("far", 10_000.0)] {
         let run = plan.run("koschmieder", sensor).expect("a run");
-        let (light, n) = (&run.light[0], run.grid.len());
+        let (light, n) = (&run.light(0), run.grid.len());
         let (mut tau_2, mut l_u) = (vec![0.0; n], vec![0.0; n]);
         let towards_sensor = WorldDir::new(DVec3::NEG_Y);
         let path = Sightline { target_height: 10.0, sensor_height: 10.0, length, towards_sensor };
@@ -1162,10 +1162,10 @@ fn frames_do_not_depend_on_threads_or_on_the_order_of_tiles() {
         let (one, two, five) = (on(1), on(2), on(5));
         assert!(bits(&one) == bits(&two) && bits(&one) == bits(&five), "{}", run.experiment);
         assert_eq!((one.rays, one.rays), (two.rays, five.rays));
-        let all = run.tiles();
+        let (all, lit) = (run.tiles(), run.lit());
         assert!(all.len() == 6);
         for tile in all.iter().rev() {
-            let result = run.render_tile(*tile);
+            let result = lit.render_tile(*tile);
             let (w, n) = (tile.width as usize, (tile.width * tile.height) as usize);
             for (t, frame) in one.frames.iter().enumerate() {
                 for (c, image) in frame.radiance.iter().enumerate() {

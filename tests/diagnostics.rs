@@ -36,7 +36,7 @@ fn findings(scene: &Path) -> (Vec<Diagnostic>, Sources) {
     if checked.scene.is_none() || checked.diagnostics.iter().any(|d| d.severity == Severity::Error) {
         return (checked.diagnostics, checked.sources);
     }
-    match Plan::new(checked, &Options { unlit: true, ..Options::default() }) {
+    match Plan::new(checked, &Options { light_at_once: Some(0), ..Options::default() }) {
         Ok(plan) => (plan.warnings, plan.sources),
         Err(refused) => (refused.diagnostics, refused.sources),
     }

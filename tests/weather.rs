@@ -132,10 +132,10 @@ fn experiments_share_the_columns_that_they_have_in_common() {
     assert_eq!(columns, [1, 0, 1]);
     assert!(plan.skips.iter().any(|skip| skip.what == "2 solves of the air"), "{:?}", plan.skips);
     let same = |a: usize, b: usize, time: usize| {
-        std::sync::Arc::ptr_eq(&plan.runs()[a].light[time], &plan.runs()[b].light[time])
+        std::sync::Arc::ptr_eq(&plan.runs()[a].light(time), &plan.runs()[b].light(time))
     };
     assert!(
-        same(0, 1, 0) && same(0, 1, 1) && !std::sync::Arc::ptr_eq(&plan.runs()[0].light[1], &plan.runs()[2].light[0])
+        same(0, 1, 0) && same(0, 1, 1) && !std::sync::Arc::ptr_eq(&plan.runs()[0].light(1), &plan.runs()[2].light(0))
     );
 }
 

@@ -21,13 +21,13 @@ impl TileStore {
         Self { folder: out.join(".sunglint").join(&key[..32]) }
     }
 
-    fn path(&self, tile: usize) -> PathBuf {
-        self.folder.join(format!("tile_{tile:06}.bin"))
+    fn path(&self, first: usize, tile: usize) -> PathBuf {
+        self.folder.join(format!("tile_{first:06}_{tile:06}.bin"))
     }
 
-    /// A tile that was finished before, if it is whole.
-    pub fn load(&self, tile: usize) -> Option<TileResult> {
-        let bytes = fs::read(self.path(tile)).ok()?;
+    /// A tile that was finished before, if it is whole: of the times from `first` on that are rendered together.
+    pub fn load(&self, first: usize, tile: usize) -> Option<TileResult> {
+        let bytes = fs::read(self.path(first, tile)).ok()?;
         decode(&bytes)
     }
 
@@ -42,9 +42,9 @@ impl TileStore {
     }
 
     /// Keeps a finished tile.
-    pub fn save(&self, tile: usize, result: &TileResult) -> io::Result<()> {
+    pub fn save(&self, first: usize, tile: usize, result: &TileResult) -> io::Result<()> {
         let bytes = encode(result);
-        write_whole(&self.path(tile), |file| file.write_all(&bytes))
+        write_whole(&self.path(first, tile), |file| file.write_all(&bytes))
     }
 
     /// Forgets the tiles once the products are written.

@@ -3,7 +3,7 @@
 use serde_json::{Map, Value, json};
 use sunglint_geometry::{FacetId, Hit, Ray};
 use sunglint_radiometry::{STUDENT_T_95, WorldDir};
-use sunglint_tracer::{Accuracy, PixelTerms, Term, View, render_pixel_terms};
+use sunglint_tracer::{Accuracy, Illumination, PixelTerms, Term, View, render_pixel_terms};
 
 use crate::plan::Run;
 
@@ -53,12 +53,16 @@ const TIMED_SAMPLES: u32 = 256;
 /// Explains a pixel at one of the run's times. The samples are those of the image, but for a run under `time`: 256.
 pub fn explain(run: &Run, pixel: (u32, u32), time: usize, materials: &[String]) -> Explanation {
     let accuracy = if run.budget.is_some() { Accuracy::Samples(TIMED_SAMPLES) } else { run.accuracy };
-    let terms =
-        run.with_view(|view| render_pixel_terms(&View { accuracy, worth: run.worth(accuracy), ..*view }, pixel, time));
+    let lit = run.lit_about(time);
+    let terms = lit.with_view(|view| {
+        render_pixel_terms(&View { accuracy, worth: lit.worth(accuracy), ..*view }, pixel, time - lit.times.start)
+    });
     let middle = run.camera.ray(f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5);
     let sight = Ray::new(middle.origin, middle.direction);
     let hit = run.scenery.world.closest(&sight);
-    let bands = (0..run.channels.len()).map(|c| band(run, &terms, hit.as_ref(), -middle.direction, time, c)).collect();
+    let light = lit.light(time);
+    let of_band = |c: usize| band(run, light, &terms, hit.as_ref(), -middle.direction, c);
+    let bands = (0..run.channels.len()).map(of_band).collect();
     let hit = hit.map(|hit| ExplainedHit {
         code: run.scenery.surface(hit.material).code,
         material: materials.get(hit.material.0 as usize).cloned().unwrap_or_default(),
@@ -73,8 +77,14 @@ fn object_name(run: &Run, id: u32) -> String {
     run.objects.iter().find_map(|objects| objects.name_of(id)).unwrap_or_else(|| "ground".to_string())
 }
 
-fn band(run: &Run, terms: &PixelTerms, hit: Option<&Hit>, outgoing: WorldDir, time: usize, c: usize) -> ExplainedBand {
-    let light = &run.light[time];
+fn band(
+    run: &Run,
+    light: &Illumination,
+    terms: &PixelTerms,
+    hit: Option<&Hit>,
+    outgoing: WorldDir,
+    c: usize,
+) -> ExplainedBand {
     let n = run.channels.len();
     let fold = |spectrum: &[f64]| {
         let mut means = vec![0.0; n];

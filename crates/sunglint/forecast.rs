@@ -45,24 +45,20 @@ impl Run {
             _ => LEAST_SAMPLES,
         };
         let taken = samples.min(MOST_SAMPLES);
-        let mut shining: Vec<usize> = (0..self.light.len()).filter(|t| !self.light[*t].is_dark()).collect();
-        if shining.is_empty() {
-            shining.extend((0..self.light.len()).take(1));
-        }
+        let shining = self.shining();
         let n_times = shining.len().min(TIMES);
         let of_time = |i: usize| {
             let t = shining[(2 * i + 1) * shining.len() / (2 * n_times)];
-            Lights::new(self.light[t].clone(), &self.traced, &self.nodes, n_times)
+            Lights::new(self.light(t), &self.traced, &self.nodes, n_times)
         };
         let times: Vec<Lights> = (0..n_times).map(of_time).collect();
         let blocks = self.some_blocks();
         let render = |accuracy: Accuracy| -> (RayCounts, Spent) {
             let one = |block: &Tile| {
-                self.with_view(|view| {
-                    let view = View { accuracy, times: &times, ..*view };
-                    let (result, spent) = render_tile_timed(&view, *block, &thread_seconds);
-                    (result.rays, spent)
-                })
+                let sight = self.sight();
+                let view = View { accuracy, ..self.view(&sight, &times) };
+                let (result, spent) = render_tile_timed(&view, *block, &thread_seconds);
+                (result.rays, spent)
             };
             let of_blocks: Vec<(RayCounts, Spent)> = blocks.par_iter().map(one).collect();
             let (mut rays, mut spent) = (RayCounts::default(), Spent::default());
@@ -92,6 +88,16 @@ impl Run {
             sun_skipped_per_time: of_times(rays.sun_turned_away + rays.sun_proved_clear),
             light_cpu_s_per_time: spent.light.iter().sum::<f64>() * scale / n_times.max(1) as f64,
         }
+    }
+
+    /// Times at which anything shines, or the first; where the air is not solved yet, those with the sun up.
+    fn shining(&self) -> Vec<usize> {
+        let shines = |t: &usize| match self.kept() {
+            Some(light) => !light.of(*t).is_dark(),
+            None => self.moments[*t].sun.is_some_and(|sun| sun.is_up()),
+        };
+        let shining: Vec<usize> = (0..self.moments.len()).filter(shines).collect();
+        if shining.is_empty() { (0..self.moments.len()).take(1).collect() } else { shining }
     }
 
     /// Blocks of pixels, spread evenly over the window.

@@ -1,15 +1,14 @@
 //! Frames as arrays, and the text digest that snapshots keep.
 
 use std::fmt;
+use std::ops::Range;
 
 use rayon::prelude::*;
 use sunglint_geometry::Ray;
 use sunglint_radiometry::Channel;
-use sunglint_tracer::{
-    Accuracy, RayCounts, Spent, Tile, TileResult, View, Worth, render_tile, render_tile_together, tiles,
-};
+use sunglint_tracer::{Accuracy, Lights, RayCounts, Tile, TileResult, View, tiles};
 
-use crate::clock::thread_seconds;
+use crate::lit::{BandLight, Lit};
 use crate::plan::Run;
 
 /// Columns and rows of the coarse map of a digest.
@@ -48,7 +47,7 @@ pub struct Frames {
     pub frames: Vec<Frame>,
     /// Truth maps: material code, object, facet, x, y, z, range, view zenith \[deg\], F.
     pub truth: Vec<Vec<f32>>,
-    /// Samples of each pixel.
+    /// Samples of each pixel, the mean over all times.
     pub samples: Vec<f32>,
     /// Rays cast and skipped.
     pub rays: RayCounts,
@@ -59,11 +58,15 @@ impl Run {
     /// number of threads.
     pub fn render(&self) -> Frames {
         let tiles = self.tiles();
-        let accuracy = self.budget.map_or(self.accuracy, |seconds| Accuracy::Samples(self.samples_within(seconds)));
-        let results: Vec<TileResult> = tiles.par_iter().map(|tile| self.render_tile_as(*tile, accuracy)).collect();
         let mut frames = Frames::new(self);
-        for (tile, result) in tiles.iter().zip(&results) {
-            frames.insert(self, *tile, result);
+        // The first part chooses for all.
+        let mut timed: Option<Accuracy> = None;
+        for lit in self.lit_parts() {
+            let within = |seconds: f64| Accuracy::Samples(lit.samples_within(lit.share() * seconds));
+            timed = timed.or_else(|| self.budget.map(within));
+            let accuracy = timed.unwrap_or(self.accuracy);
+            let results: Vec<TileResult> = tiles.par_iter().map(|tile| lit.render_tile_as(*tile, accuracy)).collect();
+            frames.insert(&lit, tiles.iter().zip(&results));
         }
         frames
     }
@@ -78,51 +81,16 @@ impl Run {
         self.pixels != self.camera.pixels()
     }
 
-    /// Renders one tile at all times, with the run's accuracy.
-    pub fn render_tile(&self, tile: Tile) -> TileResult {
-        self.render_tile_as(tile, self.accuracy)
-    }
-
-    /// Renders one tile at all times, with an accuracy of the caller's.
-    pub fn render_tile_as(&self, tile: Tile, accuracy: Accuracy) -> TileResult {
-        self.with_view(|view| render_tile(&View { accuracy, worth: self.worth(accuracy), ..*view }, tile))
-    }
-
-    /// Renders one tile of this run and of others that [trace the same paths](Self::traces_as), with the processor time that each
-    /// took.
-    pub(crate) fn render_tile_with(
-        &self,
-        others: &[&Self],
-        tile: Tile,
-        accuracy: Accuracy,
-    ) -> Vec<(TileResult, Spent)> {
-        let sight = self.sight();
-        let runs = std::iter::once(self).chain(others.iter().copied());
-        let views: Vec<View<'_>> =
-            runs.map(|run| View { accuracy, worth: run.worth(accuracy), ..run.view(&sight) }).collect();
-        render_tile_together(&views, tile, &thread_seconds)
-    }
-
-    /// What a sample is worth, where the run asks for an error over the image and is rendered so.
-    pub(crate) fn worth(&self, accuracy: Accuracy) -> Option<&Worth> {
-        let of_run = || self.with_view(Worth::of);
-        if accuracy == self.accuracy { self.worth.get_or_init(of_run).as_ref() } else { None }
-    }
-
-    /// The run as the tracer sees it.
-    pub fn with_view<T>(&self, act: impl FnOnce(&View<'_>) -> T) -> T {
-        act(&self.view(&self.sight()))
-    }
-
     /// The line of sight at image coordinates.
-    fn sight(&self) -> impl Fn(f64, f64) -> Ray + Sync + '_ {
+    pub(crate) fn sight(&self) -> impl Fn(f64, f64) -> Ray + Sync + '_ {
         |x, y| {
             let ray = self.camera.ray(x, y);
             Ray::new(ray.origin, ray.direction)
         }
     }
 
-    fn view<'a>(&'a self, sight: &'a (dyn Fn(f64, f64) -> Ray + Sync)) -> View<'a> {
+    /// The run as the tracer sees it, under the light of some times.
+    pub(crate) fn view<'a>(&'a self, sight: &'a (dyn Fn(f64, f64) -> Ray + Sync), times: &'a [Lights]) -> View<'a> {
         View {
             scenery: &self.scenery,
             algorithm: self.algorithm.as_ref(),
@@ -130,24 +98,13 @@ impl Run {
             pixels: self.camera.pixels(),
             channels: &self.traced,
             nodes: &self.nodes,
-            times: &self.lights,
+            times,
             accuracy: self.accuracy,
             worth: None,
             seed: self.seed,
             id: self.view_id,
             surface_radiance: self.products.surface_radiance || self.products.reflectance_factor,
         }
-    }
-
-    /// Irradiance of the open level ground at a time, direct and diffuse, band means \[W m⁻² µm⁻¹\].
-    pub fn level_irradiance(&self, time: usize) -> Vec<f64> {
-        let light = &self.light[time];
-        let cos = light.sun.map_or(0.0, |sun| sun.cos_zenith().max(0.0));
-        let spectrum: Vec<f64> =
-            light.beam.iter().zip(&light.mean_sky).map(|(e_n, l_d)| e_n * cos + std::f64::consts::PI * l_d).collect();
-        let mut means = vec![0.0; self.channels.len()];
-        self.channels.fold(&spectrum, &mut means);
-        means
     }
 }
 
@@ -185,17 +142,16 @@ impl Frames {
         }
     }
 
-    /// Puts a finished tile in its place.
-    pub(crate) fn insert(&mut self, run: &Run, tile: Tile, result: &TileResult) {
-        let window = run.window;
-        for t in 0..self.frames.len() {
-            insert_frame(run, &mut self.frames[t], t, tile, result);
+    /// Puts the finished tiles of some times in their places.
+    pub(crate) fn insert<'t>(&mut self, lit: &Lit<'_>, tiles: impl Iterator<Item = (&'t Tile, &'t TileResult)>) {
+        let (run, bands) = (lit.run, lit.bands());
+        for (tile, result) in tiles {
+            for (i, t) in lit.times.clone().enumerate() {
+                insert_frame(run, &mut self.frames[t], i, &bands[i], *tile, result);
+            }
+            insert_maps(run, (&mut self.truth, &mut self.samples), &lit.times, *tile, result);
+            self.rays += result.rays;
         }
-        for (map, image) in self.truth.iter_mut().enumerate() {
-            copy_tile(tile, &result.truth, map, image, window);
-        }
-        copy_tile(tile, &result.samples, 0, &mut self.samples, window);
-        self.rays += result.rays;
     }
 
     /// A stable text for snapshots: per frame and channel the statistics to four significant digits, and a coarse map
@@ -205,25 +161,24 @@ impl Frames {
     }
 }
 
-/// Copies frame `t` of a tile into an image of the window.
-pub(crate) fn insert_frame(run: &Run, frame: &mut Frame, t: usize, tile: Tile, result: &TileResult) {
+/// Copies the `i`th time of a tile into a frame, whose light this was.
+pub(crate) fn insert_frame(run: &Run, frame: &mut Frame, i: usize, light: &BandLight, tile: Tile, result: &TileResult) {
     let (window, n_channels, n_traced) = (run.window, run.channels.len(), run.traced.len());
     let n = (tile.width * tile.height) as usize;
     let layer = |stack: &[f32], layer: usize| stack[layer * n..(layer + 1) * n].to_vec();
-    let level = run.products.reflectance_factor.then(|| run.level_irradiance(t));
     let key = crate::Readout::frame_key(&frame.label);
     for c in 0..n_channels {
-        let at = t * n_traced + c;
+        let at = i * n_traced + c;
         copy_tile(tile, &result.radiance, at, &mut frame.radiance[c], window);
         copy_tile(tile, &result.error, at, &mut frame.error[c], window);
         if let Some(surface) = frame.surface.get_mut(c) {
             copy_tile(tile, &result.surface, at, surface, window);
         }
-        let level = level.as_ref().and_then(|level| level.get(c));
-        if let (Some(factor), Some(level)) = (frame.reflectance_factor.get_mut(c), level) {
+        if let Some(factor) = frame.reflectance_factor.get_mut(c) {
+            let level = light.level[c];
             let mut values = layer(&result.surface, at);
             for (value, code) in values.iter_mut().zip(&result.truth) {
-                let lit = *code != 0.0 && *level > 0.0;
+                let lit = *code != 0.0 && level > 0.0;
                 let ratio = std::f64::consts::PI * f64::from(*value) / level;
                 *value = if lit { ratio as f32 } else { f32::NAN };
             }
@@ -231,28 +186,55 @@ pub(crate) fn insert_frame(run: &Run, frame: &mut Frame, t: usize, tile: Tile, r
         }
         if let (Some(counts), Some(readout)) = (frame.counts.get_mut(c), &run.readout) {
             let mut values = layer(&result.radiance, at + n_channels);
-            for (i, value) in values.iter_mut().enumerate() {
-                let pixel = (tile.x + i as u32 % tile.width, tile.y + i as u32 / tile.width);
+            for (p, value) in values.iter_mut().enumerate() {
+                let pixel = (tile.x + p as u32 % tile.width, tile.y + p as u32 / tile.width);
                 *value = readout.count(key, pixel, c, f64::from(*value)) as f32;
             }
             copy_tile(tile, &values, 0, counts, window);
         }
     }
-    copy_tile(tile, &result.lit, t, &mut frame.lit, window);
+    copy_tile(tile, &result.lit, i, &mut frame.lit, window);
+}
+
+/// Copies what does not change with time into truth maps and samples: the truth of the first of the run's times, and the mean
+/// number of samples of all up to these.
+pub(crate) fn insert_maps(
+    run: &Run,
+    (truth, samples): (&mut [Vec<f32>], &mut [f32]),
+    times: &Range<usize>,
+    tile: Tile,
+    result: &TileResult,
+) {
+    if times.start == 0 {
+        for (map, image) in truth.iter_mut().enumerate() {
+            copy_tile(tile, &result.truth, map, image, run.window);
+        }
+    }
+    let (before, own, all) = (times.start as f64, times.len() as f64, times.end as f64);
+    for (from, to) in rows(tile, run.window) {
+        for (mean, n) in samples[to].iter_mut().zip(&result.samples[from]) {
+            *mean = ((before * f64::from(*mean) + own * f64::from(*n)) / all) as f32;
+        }
+    }
 }
 
 /// Copies layer `layer` of a tile's stack into an image of the window; what lies outside is left out.
-pub(crate) fn copy_tile(tile: Tile, stack: &[f32], layer: usize, image: &mut [f32], window: Tile) {
+fn copy_tile(tile: Tile, stack: &[f32], layer: usize, image: &mut [f32], window: Tile) {
+    let stack = &stack[layer * (tile.width * tile.height) as usize..];
+    rows(tile, window).for_each(|(from, to)| image[to].copy_from_slice(&stack[from]));
+}
+
+/// Where the rows of a tile that lie within the window stand in the tile, and where in an image of the window.
+fn rows(tile: Tile, window: Tile) -> impl Iterator<Item = (Range<usize>, Range<usize>)> {
     let (left, top) = (tile.x.max(window.x), tile.y.max(window.y));
     let right = (tile.x + tile.width).min(window.x + window.width);
     let bottom = (tile.y + tile.height).min(window.y + window.height);
     let n = right.saturating_sub(left) as usize;
-    for y in top..bottom {
-        let row = layer * tile.height as usize + (y - tile.y) as usize;
-        let from = row * tile.width as usize + (left - tile.x) as usize;
+    (top..bottom).map(move |y| {
+        let from = (y - tile.y) as usize * tile.width as usize + (left - tile.x) as usize;
         let to = (y - window.y) as usize * window.width as usize + (left - window.x) as usize;
-        image[to..to + n].copy_from_slice(&stack[from..from + n]);
-    }
+        (from..from + n, to..to + n)
+    })
 }
 
 struct Digest<'a>(&'a Frames);

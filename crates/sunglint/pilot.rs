@@ -6,7 +6,8 @@ use rayon::prelude::*;
 use sunglint_radiometry::REPLICATES;
 use sunglint_tracer::Accuracy;
 
-use crate::plan::{LEAST_SAMPLES, Run};
+use crate::lit::Lit;
+use crate::plan::LEAST_SAMPLES;
 
 /// Most samples a pixel under `time`: as many as `--samples` can say again.
 const MOST_TIMED: u32 = 65_536;
@@ -15,16 +16,16 @@ const PILOT_TILES: usize = 8;
 /// Share of the time that a second, longer pilot may take.
 const PILOT_SHARE: f64 = 0.05;
 
-impl Run {
-    /// The number of samples a pixel with which this run takes about `seconds` on the threads of the current pool, this
+impl Lit<'_> {
+    /// The number of samples a pixel with which these times take about `seconds` on the threads of the current pool, this
     /// measurement included; never fewer than 16. Only the number depends on the clock: the image is that of
     /// `samples` with it.
     pub fn samples_within(&self, seconds: f64) -> u32 {
         let started = Instant::now();
-        let tiles = self.tiles();
+        let tiles = self.run.tiles();
         let threads = rayon::current_num_threads().clamp(1, tiles.len().max(1));
         let k = tiles.len().min(PILOT_TILES.max(threads)).max(1);
-        // The whole run's seconds with n samples, from k of its tiles.
+        // Seconds of all tiles with n samples, from k of its tiles.
         let measure = |n: u32| {
             let one = |i: usize| {
                 let begun = Instant::now();

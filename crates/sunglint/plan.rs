@@ -1,13 +1,15 @@
 //! What runs, what is skipped, and why. The last place where a scene can fail: after it only writing can.
 
 mod light;
+mod parts;
 mod sharing;
 mod skips;
 mod spectra;
 mod view;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
-use std::sync::{Arc, OnceLock};
+use std::ops::Range;
+use std::sync::Arc;
 use std::time::Instant;
 
 use glam::DVec3;
@@ -19,19 +21,20 @@ use sunglint_plugin::{BindError, SpectralValue, Value};
 use sunglint_radiometry::{Channels, SpectralGrid};
 use sunglint_reflectance::Bsdf;
 use sunglint_sensor::{Band, Camera, Ccd};
-use sunglint_tracer::{
-    Algorithm, BandMeans, Illumination, Lighting, Lights, Nodes, Scenery, Surface, Tile, Worth, spectra_of,
-};
+use sunglint_tracer::{Algorithm, BandMeans, Illumination, Lighting, Nodes, Scenery, Surface, Tile, spectra_of};
 
 use crate::air::Air;
+use crate::lit::{Light, Lit};
 use crate::products::MapProjection;
 use crate::selection::{Crop, is_experiment, is_time, wanted};
 use crate::times::Moment;
 use crate::{Checked, Readout, Refused, grid, scenery, times};
 
+pub(crate) use self::sharing::traced_together;
 pub use self::sharing::{BandShare, Sharing};
+pub(crate) use self::skips::dark_skip;
 
-use self::light::{Asked, Lit, SkyOrder, ground_albedo, in_vain, path_heights};
+use self::light::{Asked, SkyOrder, Told, ground_albedo, in_vain, path_heights};
 use self::skips::{run_skips, scene_skips};
 use self::spectra::{corners_of, is_per_band};
 use self::view::{map_of, scan_note, unknown};
@@ -40,6 +43,11 @@ use self::view::{map_of, scan_note, unknown};
 const MOST_SAMPLES: u32 = 4096;
 /// Least samples a pixel under `time`.
 pub(crate) const LEAST_SAMPLES: u32 = 16;
+/// Bytes of solved light, and of the tiles that it makes, that are kept at a time.
+const LIGHT_AT_ONCE: usize = 1 << 30;
+/// Tiles that threads have in work at a time, near enough, and the pixels of one.
+const TILES_AT_ONCE: usize = 8;
+const TILE_PIXELS: usize = 32 * 32;
 
 /// What a user may change without touching the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -63,8 +71,9 @@ pub struct Options {
     pub scale: Option<f64>,
     /// The air is solved for all that it can tell, not only for what the algorithm asks.
     pub whole_sky: bool,
-    /// The air is only asked whether it can be solved, for the checks of a scene: such a plan is dark.
-    pub unlit: bool,
+    /// Bytes of solved light that are kept at a time, 1 GiB where nothing is said. A plan whose light is more is rendered in
+    /// parts; with 0 no air is solved before it is needed.
+    pub light_at_once: Option<usize>,
 }
 
 /// Something that will not be computed, and why.
@@ -130,16 +139,16 @@ pub struct Run {
     pub algorithm_name: String,
     /// Name of the atmosphere.
     pub atmosphere_name: String,
-    /// The light of each time.
-    pub light: Vec<Arc<Illumination>>,
-    /// The same as the channels see it.
-    pub lights: Vec<Lights>,
-    /// How accurate; under `time` the least, [`Run::samples_within`] gives what fits.
+    /// What is asked of its atmosphere.
+    sky: SkyOrder,
+    /// The light of all times, where it is kept.
+    kept: Option<Arc<Light>>,
+    /// The plan's parts that it stands in, each with its times there.
+    parts: Vec<(usize, Range<usize>)>,
+    /// How accurate; under `time` the least, [`Lit::samples_within`] gives what fits.
     pub accuracy: sunglint_tracer::Accuracy,
     /// Seconds that rendering may take, under `time`.
     pub budget: Option<f64>,
-    /// What a sample is worth, under an error over the image; told when first asked for.
-    pub(crate) worth: OnceLock<Option<Worth>>,
     /// Seed of the experiment.
     pub seed: u64,
     /// Products.
@@ -164,6 +173,62 @@ pub struct Run {
     pub view_id: u64,
 }
 
+impl Run {
+    /// The light of one time.
+    pub fn light(&self, time: usize) -> Arc<Illumination> {
+        match &self.kept {
+            Some(light) => light.of(time).clone(),
+            None => light::solve(&[(&self.sky, time..time + 1)]).remove(0).remove(0),
+        }
+    }
+
+    /// The run at all times; their light is solved where it is not kept, and takes what memory it needs.
+    pub fn lit(&self) -> Lit<'_> {
+        self.lit_at(0..self.moments.len())
+    }
+
+    /// The run in parts, each with no more light than is kept at a time: one where the plan's whole light is.
+    pub fn lit_parts(&self) -> impl Iterator<Item = Lit<'_>> {
+        self.parts().map(|times| self.lit_at(times))
+    }
+
+    /// The times of each part.
+    pub fn parts(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+        self.parts.iter().map(|(_, times)| times.clone())
+    }
+
+    /// A time, with those that its number of samples depends on.
+    pub(crate) fn lit_about(&self, time: usize) -> Lit<'_> {
+        let part = self
+            .parts()
+            .find(|times| times.contains(&time))
+            .filter(|_| self.kept.is_some() || matches!(self.accuracy, sunglint_tracer::Accuracy::Error { .. }));
+        self.lit_at(part.unwrap_or(time..time + 1))
+    }
+
+    /// The light of all times, where it is kept.
+    pub(crate) fn kept(&self) -> Option<&Light> {
+        self.kept.as_deref()
+    }
+
+    fn lit_at(&self, times: Range<usize>) -> Lit<'_> {
+        let light = match &self.kept {
+            Some(light) if times == (0..self.moments.len()) => light.clone(),
+            _ => Arc::new(Light::new(self, light::solve(&[(&self.sky, times.clone())]).remove(0))),
+        };
+        Lit::new(self, times, light)
+    }
+
+    /// Bytes that it keeps for each time beside the sky: what [`Light`] makes of it, and images of the tiles in work.
+    fn bytes_per_time(&self) -> usize {
+        /// Of each channel, spectra that stand for the sky, and values of the amounts of them and of lines of sight.
+        const SPECTRA: usize = 8;
+        const AMOUNTS: usize = 4096;
+        size_of::<f64>() * self.traced.len() * (SPECTRA * self.grid.len() + AMOUNTS)
+            + TILES_AT_ONCE * TILE_PIXELS * self.tile_bytes()
+    }
+}
+
 /// A checked scene, bound and ready to render.
 pub struct Plan {
     runs: Vec<Run>,
@@ -183,7 +248,7 @@ pub struct Plan {
     pub facets: usize,
     /// Bytes of the acceleration structures and geometry of all distinct worlds.
     pub geometry_bytes: usize,
-    /// Seconds in which the air of all runs was solved.
+    /// Seconds in which the air of all runs was solved; of a plan in parts it is solved when they are rendered.
     pub air_seconds: f64,
 }
 
@@ -222,6 +287,32 @@ impl Plan {
     /// The runs, experiment by experiment and sensor by sensor.
     pub fn runs(&self) -> &[Run] {
         &self.runs
+    }
+
+    /// What is solved and rendered together: runs with some of their times. One part where the light of all is kept.
+    pub fn parts(&self) -> Vec<Vec<(&Run, Range<usize>)>> {
+        let n = self.runs.iter().flat_map(|run| &run.parts).map(|(part, _)| part + 1).max().unwrap_or(0);
+        let mut parts = vec![Vec::new(); n];
+        for run in &self.runs {
+            run.parts.iter().for_each(|(part, times)| parts[*part].push((run, times.clone())));
+        }
+        parts
+    }
+
+    /// Runs at some of their times under their light, each sky solved once.
+    pub(crate) fn lit<'p>(&self, part: &[(&'p Run, Range<usize>)]) -> Vec<Lit<'p>> {
+        let dark: Vec<_> = part.iter().filter(|(run, _)| run.kept.is_none()).collect();
+        let asked: Vec<_> = dark.iter().map(|(run, times)| (&run.sky, times.clone())).collect();
+        let mut solved = light::solve(&asked).into_iter();
+        (part.iter())
+            .map(|(run, times)| match run.kept {
+                Some(_) => run.lit_at(times.clone()),
+                None => {
+                    let light = solved.next().expect("light of each run that keeps none");
+                    Lit::new(run, times.clone(), Arc::new(Light::new(run, light)))
+                }
+            })
+            .collect()
     }
 
     /// The run of an experiment and sensor, by their full names.
@@ -266,31 +357,11 @@ struct Shared<'a> {
     skips: Vec<Skip>,
 }
 
-/// A run that waits for its light: what all runs ask of one column is known only when the last is drafted.
+/// A run before its atmosphere is asked: what all runs ask of one column is known only when the last is drafted.
 struct Draft {
     /// Place of its experiment among all of the scene.
     order: usize,
     run: Run,
-    bands: Vec<Band>,
-    /// Fields of the weather that its atmosphere does not use.
-    unused: Vec<Skip>,
-    sky: SkyOrder,
-}
-
-impl Draft {
-    fn lit(self, Lit { light, columns }: Lit) -> (usize, Run) {
-        let Self { order, mut run, bands, unused, .. } = self;
-        run.skips = run_skips(run.algorithm.as_ref(), &run.scenery, &bands, &run.grid, &light);
-        run.skips.extend(unused);
-        for note in light.iter().flat_map(|time| time.sky.notes()) {
-            if !run.air_notes.contains(&note) {
-                run.air_notes.push(note);
-            }
-        }
-        run.lights = light.iter().map(|time| Lights::new(time.clone(), &run.traced, &run.nodes, light.len())).collect();
-        (run.light, run.columns_solved) = (light, columns);
-        (order, run)
-    }
 }
 
 /// Geometry that was built, with all that it depends on.
@@ -333,33 +404,74 @@ fn plan_worlds(
         let known: Vec<&str> = labels.iter().map(String::as_str).collect();
         diagnostics.extend(unknown("time", &options.times, &known, is_time));
     }
-    let orders: Vec<&SkyOrder> = drafts.iter().map(|draft| &draft.sky).collect();
-    let solving = Instant::now();
-    let (lit, n_shared) = light::solve(&orders, options.unlit, diagnostics);
-    let air_seconds = solving.elapsed().as_secs_f64();
+    let orders: Vec<&SkyOrder> = drafts.iter().map(|draft| &draft.run.sky).collect();
+    let (told, n_shared) = light::check(&orders, diagnostics);
     if n_shared > 0 {
         skips.push(Skip {
             what: format!("{n_shared} solves of the air"),
             why: "another run has the same column, suns and grid".into(),
         });
     }
-    let lit = drafts.into_iter().zip(lit);
-    let mut runs: Vec<(usize, Run)> = lit.filter_map(|(draft, lit)| Some(draft.lit(lit?))).collect();
+    let mut drafts: Vec<Draft> = (drafts.into_iter().zip(told))
+        .filter_map(|(mut draft, told)| {
+            let Told { columns, notes } = told?;
+            (draft.run.columns_solved, draft.run.air_notes) = (columns, notes);
+            Some(draft)
+        })
+        .collect();
+    drafts.sort_by_key(|draft| draft.order);
+    let mut runs: Vec<Run> = drafts.into_iter().map(|draft| draft.run).collect();
+    let solving = Instant::now();
+    if !has_error(diagnostics) {
+        divide(&mut runs, options.light_at_once.unwrap_or(LIGHT_AT_ONCE));
+    }
+    let air_seconds = solving.elapsed().as_secs_f64();
     if runs.is_empty() && !has_error(diagnostics) {
         diagnostics.push(
             Diagnostic::whole("X01", "nothing is left to render: no experiment, sensor and time go together")
                 .help("see the `sensor` and `collect` lines of the experiments and sensors"),
         );
     }
-    runs.sort_by_key(|(order, _)| *order);
     complete.then(|| Planned {
-        runs: runs.into_iter().map(|(_, run)| run).collect(),
+        runs,
         skips,
         facets: geometries.iter().map(|known| known.world.facet_count()).max().unwrap_or(0),
         geometry_bytes: geometries.iter().map(|known| known.world.memory_bytes()).sum(),
         air_seconds,
         title: scene.title.clone(),
     })
+}
+
+/// Solves the light of all runs and keeps it where it takes no more than `limit` bytes; else cuts the runs into parts.
+fn divide(runs: &mut [Run], limit: usize) {
+    let (mut unders, mut skies, mut bytes) = (HashMap::new(), HashMap::new(), Vec::new());
+    let asked: Vec<parts::Asked> = (runs.iter())
+        .map(|run| {
+            let of_sky = run.sky.sky_bytes();
+            let times = (run.sky.skies().zip(&run.moments))
+                .map(|((under, sky), moment)| {
+                    let sky = parts::numbered(&mut skies, sky);
+                    bytes.resize(skies.len(), 0);
+                    bytes[sky] = of_sky.max(bytes[sky]);
+                    let at = moment.utc.map_or(0.0, |utc| utc.0);
+                    parts::OfTime { at, under: parts::numbered(&mut unders, under), sky }
+                })
+                .collect();
+            parts::Asked { times, own: run.bytes_per_time() }
+        })
+        .collect();
+    for (part, of_part) in parts::parts(&asked, &bytes, limit).into_iter().enumerate() {
+        of_part.into_iter().for_each(|(run, times)| runs[run].parts.push((part, times)));
+    }
+    if parts::whole(&asked, &bytes) <= limit {
+        let all: Vec<_> = runs.iter().map(|run| (&run.sky, 0..run.moments.len())).collect();
+        let solved = light::solve(&all);
+        for (run, light) in runs.iter_mut().zip(solved) {
+            let light = Light::new(run, light);
+            run.skips.extend(dark_skip(light.dark(), run.moments.len()));
+            run.kept = Some(Arc::new(light));
+        }
+    }
 }
 
 /// Leaves each finding once: runs and worlds that share a fault tell of it alike.
@@ -598,6 +710,8 @@ impl<'s> Planner<'s, '_> {
                 material.map(|m| (scene.materials[m].name.clone(), format!("{}{label}", use_.name)))
             })
             .collect();
+        let mut skips = run_skips(algorithm.as_ref(), &scenery, bands, &grid);
+        skips.extend(unused);
         let run = Run {
             experiment: experiment.name.clone(),
             sweep: experiment.sweep.clone(),
@@ -621,23 +735,23 @@ impl<'s> Planner<'s, '_> {
             algorithm,
             algorithm_name: experiment.algorithm.name.clone(),
             atmosphere_name: experiment.atmosphere.name.clone(),
-            light: Vec::new(),
-            lights: Vec::new(),
+            sky,
+            kept: None,
+            parts: Vec::new(),
             accuracy,
             budget,
-            worth: OnceLock::new(),
             seed: experiment.seed,
             products: experiment.products,
             models,
             columns_solved: 0,
-            skips: Vec::new(),
+            skips,
             estimators,
             air_notes: Vec::new(),
             objects: objects.to_vec(),
             materials: material_codes(scene),
             view_id: sensor_index as u64,
         };
-        Some(Draft { order: experiment.order, run, bands: kept, unused, sky })
+        Some(Draft { order: experiment.order, run })
     }
 
     /// A detector's spectra: their values and the bands that they must cover.

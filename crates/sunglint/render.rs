@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::fs;
 use std::io;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -13,8 +14,9 @@ use serde_json::{Value, json};
 use sunglint_tracer::{Accuracy, RayCounts, Spent, Tile, TileResult};
 
 use crate::cache::TileStore;
-use crate::frames::{Frame, copy_tile, insert_frame};
-use crate::plan::{Plan, Run, Skip};
+use crate::frames::{Frame, insert_frame, insert_maps};
+use crate::lit::{BandLight, Lit};
+use crate::plan::{Plan, Run, Skip, dark_skip, traced_together};
 use crate::products::{
     Encoding, MapProjection, Raster, RasterChannel, Stretch, StretchCollector, composite_bands, write_envi, write_exr,
     write_png_gray, write_png_rgb, write_whole,
@@ -52,7 +54,7 @@ pub enum RenderError {
 
 /// How far a render is, for progress bars.
 pub trait Progress: Sync {
-    /// Runs of the same paths begin, with their number of tiles.
+    /// Runs of the same paths begin, with their number of tiles; once for each part of their times.
     fn begin(&self, runs: &[&Run], tiles: usize);
     /// One more tile of them all is finished (`cached` where it had been before).
     fn tile(&self, cached: bool, so_far: &Tally);
@@ -69,8 +71,8 @@ pub trait Progress: Sync {
 pub struct Tally {
     /// Rays that were cast now, not those of tiles from before.
     pub rays: u64,
-    /// Samples of all pixels.
-    pub samples: f64,
+    /// Samples of all pixels at all times, and their number.
+    samples: f64,
     pixels: f64,
     /// Sum of squares of relative standard errors, by band, and their number.
     squares: Vec<f64>,
@@ -81,13 +83,14 @@ impl Tally {
     /// A pixel below this share of its tile's mean is held against that.
     const FLOOR: f32 = 0.01;
 
-    fn add(&mut self, run: &Run, result: &TileResult, cached: bool) {
+    fn add(&mut self, lit: &Lit<'_>, result: &TileResult, cached: bool) {
+        let (run, n_times) = (lit.run, lit.times.len());
         self.rays += if cached { 0 } else { result.rays.cast() };
-        self.samples += result.samples.iter().map(|n| f64::from(*n)).sum::<f64>();
-        self.pixels += result.samples.len() as f64;
+        self.samples += n_times as f64 * result.samples.iter().map(|n| f64::from(*n)).sum::<f64>();
+        self.pixels += n_times as f64 * result.samples.len() as f64;
         let (n, bands, traced) = (result.samples.len(), run.channels.len(), run.traced.len());
         self.squares.resize(bands, 0.0);
-        for t in 0..run.moments.len() {
+        for t in 0..n_times {
             for (c, squares) in self.squares.iter_mut().enumerate() {
                 let layer = (t * traced + c) * n..(t * traced + c + 1) * n;
                 let (radiance, error) = (&result.radiance[layer.clone()], &result.error[layer]);
@@ -109,6 +112,15 @@ impl Tally {
         (self.squares.iter().sum::<f64>() / (self.counted * self.squares.len() as f64).max(1.0)).sqrt()
     }
 
+    fn join(&mut self, other: &Self) {
+        self.rays += other.rays;
+        self.samples += other.samples;
+        self.pixels += other.pixels;
+        self.squares.resize(self.squares.len().max(other.squares.len()), 0.0);
+        self.squares.iter_mut().zip(&other.squares).for_each(|(sum, squares)| *sum += squares);
+        self.counted += other.counted;
+    }
+
     /// Mean number of samples a pixel.
     pub fn samples_per_pixel(&self) -> f64 {
         self.samples / self.pixels.max(1.0)
@@ -122,7 +134,7 @@ pub struct Rendered {
     pub folder: PathBuf,
     /// Frames written; 0 where nothing had changed.
     pub frames: usize,
-    /// Tiles rendered now.
+    /// Tiles rendered now, those of each part of the times.
     pub tiles_rendered: usize,
     /// Tiles that had been finished before.
     pub tiles_resumed: usize,
@@ -136,7 +148,7 @@ pub struct Rendered {
     pub spent: Spent,
     /// Samples a pixel that fitted into the run's `time`; `None` without one, or where nothing had changed.
     pub timed_samples: Option<u32>,
-    /// The run whose paths were lit, and whose rays and seconds theirs are; `None` where they are its own.
+    /// The run whose paths were lit, at its first times, and whose rays and seconds theirs are; `None` where they are its own.
     pub traced_with: Option<String>,
 }
 
@@ -147,13 +159,33 @@ pub struct Rendered {
 /// Writing, a selection that does not fit what a folder holds, or the user.
 pub fn render(plan: &Plan, out: &Path, progress: &dyn Progress) -> Result<Vec<Rendered>, RenderError> {
     plan.runs().iter().try_for_each(|run| refuse_mixing(run, &folder_of(run, out)))?;
-    let mut rendered = Vec::new();
-    for group in plan.traced_together() {
-        rendered.extend(render_group(plan, &group, out, progress)?);
+    let mut works: Vec<Work<'_>> = plan.runs().iter().map(|run| Work::new(run, out)).collect();
+    for work in works.iter_mut().filter(|work| is_up_to_date(work.run, &work.rendered.folder)) {
+        work.finish_unchanged(progress);
     }
-    let at = |of: &Run| plan.runs().iter().position(|run| std::ptr::eq(run, of));
-    rendered.sort_by_key(|(run, _)| at(run));
-    Ok(rendered.into_iter().map(|(_, rendered)| rendered).collect())
+    let at = |works: &[Work<'_>], run: &Run| works.iter().position(|work| std::ptr::eq(work.run, run)).unwrap_or(0);
+    let mut air_seconds = plan.air_seconds;
+    for mut part in plan.parts() {
+        part.retain(|(run, _)| !works[at(&works, run)].is_finished);
+        let solving = Instant::now();
+        let lits = plan.lit(&part);
+        air_seconds += solving.elapsed().as_secs_f64();
+        for group in traced_together(&lits) {
+            let finished = render_group(&group, out, progress)?;
+            for (lit, finished) in group.iter().zip(finished) {
+                let work = at(&works, lit.run);
+                works[work].add(lit, finished);
+            }
+            for lit in &group {
+                let work = at(&works, lit.run);
+                if lit.times.end == lit.run.moments.len() {
+                    works[work].write(plan, air_seconds, out)?;
+                    progress.end(lit.run, &works[work].rendered);
+                }
+            }
+        }
+    }
+    Ok(works.into_iter().map(|work| work.rendered).collect())
 }
 
 fn at(path: &Path) -> impl FnOnce(io::Error) -> RenderError + '_ {
@@ -164,95 +196,132 @@ fn folder_of(run: &Run, out: &Path) -> PathBuf {
     out.join(&run.experiment).join(&run.sensor)
 }
 
-/// Renders runs of the same paths, after those that are there already.
-fn render_group<'a>(
-    plan: &Plan,
-    group: &[&'a Run],
-    out: &Path,
-    progress: &dyn Progress,
-) -> Result<Vec<(&'a Run, Rendered)>, RenderError> {
-    let is_there = |run: &Run| {
-        let folder = folder_of(run, out);
-        is_up_to_date(&folder.join("manifest.json"), &folder, run)
-    };
-    let (there, wanted): (Vec<&Run>, Vec<&Run>) = group.iter().partition(|run| is_there(run));
-    let mut all = Vec::new();
-    for run in there {
-        let rendered = unchanged(run, out, progress);
-        progress.end(run, &rendered);
-        all.push((run, rendered));
-    }
-    if !wanted.is_empty() {
-        let rendered = render_runs(plan, &wanted, out, progress)?;
-        wanted.iter().zip(&rendered).for_each(|(run, rendered)| progress.end(run, rendered));
-        all.extend(wanted.into_iter().zip(rendered));
-    }
-    Ok(all)
+/// A run on its way to files.
+struct Work<'a> {
+    run: &'a Run,
+    store: TileStore,
+    /// The times of each part whose tiles are finished, and their light.
+    parts: Vec<Range<usize>>,
+    light: Vec<BandLight>,
+    rendered: Rendered,
+    is_finished: bool,
 }
 
-/// A run whose frames are there already.
-fn unchanged(run: &Run, out: &Path, progress: &dyn Progress) -> Rendered {
-    let n_tiles = run.tiles().len();
-    progress.begin(&[run], n_tiles);
-    (0..n_tiles).for_each(|_| progress.tile(true, &Tally::default()));
-    Rendered {
-        folder: folder_of(run, out),
-        frames: 0,
-        tiles_rendered: 0,
-        tiles_resumed: n_tiles,
-        rays: RayCounts::default(),
-        tally: Tally::default(),
-        seconds: (0.0, 0.0),
-        spent: Spent::default(),
-        timed_samples: None,
-        traced_with: None,
-    }
-}
-
-/// What one tile of one run took.
+/// What the tiles of a run at some times took.
+#[derive(Default)]
 struct Taken {
     rays: RayCounts,
     spent: Spent,
-    /// It had been finished before.
-    cached: bool,
+    tiles_rendered: usize,
+    tiles_resumed: usize,
+    tally: Tally,
+    seconds: f64,
+    timed_samples: Option<u32>,
+    traced_with: Option<String>,
 }
 
-/// Renders runs of the same paths, tile by tile, and writes their products.
-fn render_runs(plan: &Plan, runs: &[&Run], out: &Path, progress: &dyn Progress) -> Result<Vec<Rendered>, RenderError> {
-    let run = runs[0];
-    let tiles = run.tiles();
-    progress.begin(runs, tiles.len());
+impl<'a> Work<'a> {
+    fn new(run: &'a Run, out: &Path) -> Self {
+        let rendered = Rendered {
+            folder: folder_of(run, out),
+            frames: 0,
+            tiles_rendered: 0,
+            tiles_resumed: 0,
+            rays: RayCounts::default(),
+            tally: Tally::default(),
+            seconds: (0.0, 0.0),
+            spent: Spent::default(),
+            timed_samples: None,
+            traced_with: None,
+        };
+        let store = TileStore::new(out, &run.key);
+        Self { run, store, parts: Vec::new(), light: Vec::new(), rendered, is_finished: false }
+    }
+
+    /// Its frames are there already.
+    fn finish_unchanged(&mut self, progress: &dyn Progress) {
+        let n_tiles = self.run.tiles().len();
+        progress.begin(&[self.run], n_tiles);
+        (0..n_tiles).for_each(|_| progress.tile(true, &Tally::default()));
+        self.rendered.tiles_resumed = n_tiles;
+        self.is_finished = true;
+        progress.end(self.run, &self.rendered);
+    }
+
+    /// The tiles of its next times are finished.
+    fn add(&mut self, lit: &Lit<'_>, taken: Taken) {
+        let Taken { rays, spent, tiles_rendered, tiles_resumed, tally, seconds, timed_samples, traced_with } = taken;
+        let rendered = &mut self.rendered;
+        if self.parts.is_empty() {
+            (rendered.timed_samples, rendered.traced_with) = (timed_samples, traced_with);
+        }
+        rendered.rays += rays;
+        rendered.spent.shared += spent.shared;
+        rendered.spent.light.extend(spent.light);
+        rendered.tiles_rendered += tiles_rendered;
+        rendered.tiles_resumed += tiles_resumed;
+        rendered.tally.join(&tally);
+        rendered.seconds.0 += seconds;
+        self.parts.push(lit.times.clone());
+        self.light.extend(lit.bands());
+    }
+
+    /// Writes products and manifest from the tiles of all its times.
+    fn write(&mut self, plan: &Plan, air_seconds: f64, out: &Path) -> Result<(), RenderError> {
+        let writing = Instant::now();
+        self.write_products(out)?;
+        self.rendered.frames = self.run.moments.len();
+        self.rendered.seconds.1 = writing.elapsed().as_secs_f64();
+        let manifest = self.rendered.folder.join("manifest.json");
+        let text = format!("{:#}\n", self.manifest(plan, air_seconds));
+        write_whole(&manifest, |file| io::Write::write_all(file, text.as_bytes())).map_err(at(&manifest))?;
+        self.store.remove().map_err(at(out))?;
+        self.is_finished = true;
+        Ok(())
+    }
+}
+
+/// Renders runs of the same paths at some of their times, tile by tile, into their stores.
+fn render_group(group: &[&Lit<'_>], out: &Path, progress: &dyn Progress) -> Result<Vec<Taken>, RenderError> {
+    let first = group[0];
+    let tiles = first.run.tiles();
+    let runs: Vec<&Run> = group.iter().map(|lit| lit.run).collect();
+    progress.begin(&runs, tiles.len());
     let started = Instant::now();
     let stores: Vec<TileStore> = runs.iter().map(|run| TileStore::new(out, &run.key)).collect();
-    // The number is chosen once: a run that goes on after a kill takes the one of its finished tiles. No two runs share it.
-    let timed_samples = match run.budget {
+    // The number is chosen once: later times, and a run that goes on after a kill, take the one of its finished tiles. No two runs
+    // share it.
+    let timed_samples = match first.run.budget {
         Some(seconds) => {
-            let samples = stores[0].samples().unwrap_or_else(|| run.samples_within(seconds));
+            let samples = stores[0].samples().unwrap_or_else(|| first.samples_within(first.share() * seconds));
             stores[0].save_samples(samples).map_err(at(out))?;
             Some(samples)
         }
         None => None,
     };
-    let accuracy = timed_samples.map_or(run.accuracy, Accuracy::Samples);
+    let accuracy = timed_samples.map_or(first.run.accuracy, Accuracy::Samples);
     // Of all runs, and of each.
-    let tallies = Mutex::new((Tally::default(), vec![Tally::default(); runs.len()]));
+    let tallies = Mutex::new((Tally::default(), vec![Tally::default(); group.len()]));
     let failed = AtomicBool::new(false);
-    let render_tile = |i: usize, tile: Tile| -> Result<Vec<Taken>, RenderError> {
+    // Of each run: rays, processor time, and whether the tile had been finished before.
+    let render_tile = |i: usize, tile: Tile| -> Result<Vec<(RayCounts, Spent, bool)>, RenderError> {
         if failed.load(Ordering::Relaxed) || progress.stopped() {
             return Err(RenderError::Stopped);
         }
-        let load = |(run, store): (&&Run, &TileStore)| store.load(i).filter(|result| fits(result, tile, run));
-        let known: Vec<Option<TileResult>> = runs.iter().zip(&stores).map(load).collect();
-        let missing: Vec<&Run> =
-            runs.iter().zip(&known).filter(|(_, known)| known.is_none()).map(|(run, _)| *run).collect();
+        let load = |(lit, store): (&&Lit<'_>, &TileStore)| {
+            store.load(lit.times.start, i).filter(|result| fits(result, tile, lit))
+        };
+        let known: Vec<Option<TileResult>> = group.iter().zip(&stores).map(load).collect();
+        let missing: Vec<&Lit<'_>> =
+            group.iter().zip(&known).filter(|(_, known)| known.is_none()).map(|(lit, _)| *lit).collect();
         let fresh = missing.split_first().map(|(first, others)| first.render_tile_with(others, tile, accuracy));
         let mut fresh = fresh.into_iter().flatten();
         let mut of_runs: Vec<(TileResult, Spent, bool)> = Vec::new();
-        for (store, known) in stores.iter().zip(known) {
+        for ((lit, store), known) in group.iter().zip(&stores).zip(known) {
             if let Some(result) = known {
                 of_runs.push((result, Spent::default(), true));
             } else if let Some((result, spent)) = fresh.next() {
-                store.save(i, &result).map_err(|source| {
+                store.save(lit.times.start, i, &result).map_err(|source| {
                     failed.store(true, Ordering::Relaxed);
                     RenderError::Write { path: out.to_path_buf(), source }
                 })?;
@@ -261,53 +330,31 @@ fn render_runs(plan: &Plan, runs: &[&Run], out: &Path, progress: &dyn Progress) 
         }
         let mut tallies = tallies.lock().expect("no holder of this lock panics");
         let (of_all, of_each) = &mut *tallies;
-        for ((run, tally), (result, _, cached)) in runs.iter().zip(of_each).zip(&of_runs) {
-            tally.add(run, result, *cached);
-            of_all.add(run, result, *cached);
+        for ((lit, tally), (result, _, cached)) in group.iter().zip(of_each).zip(&of_runs) {
+            tally.add(lit, result, *cached);
+            of_all.add(lit, result, *cached);
         }
         progress.tile(missing.is_empty(), of_all);
-        Ok(of_runs.into_iter().map(|(result, spent, cached)| Taken { rays: result.rays, spent, cached }).collect())
+        Ok(of_runs.into_iter().map(|(result, spent, cached)| (result.rays, spent, cached)).collect())
     };
-    let taken: Vec<Vec<Taken>> =
+    let of_tiles: Vec<Vec<(RayCounts, Spent, bool)>> =
         tiles.par_iter().enumerate().map(|(i, tile)| render_tile(i, *tile)).collect::<Result<_, _>>()?;
-    let rendered_in = started.elapsed().as_secs_f64();
+    let seconds = started.elapsed().as_secs_f64();
     let tallies = tallies.into_inner().expect("no holder of this lock panics").1;
-    let write = |((of_run, run), (store, tally)): ((usize, &&Run), (&TileStore, Tally))| {
-        let writing = Instant::now();
-        let load = |i: usize| {
-            store.load(i).ok_or_else(|| RenderError::Write {
-                path: out.to_path_buf(),
-                source: io::Error::other("a finished tile has gone from the folder while it was rendered"),
-            })
-        };
-        let folder = folder_of(run, out);
-        write_products(run, &folder, &tiles, &load)?;
-        let mut rendered = Rendered {
-            frames: run.moments.len(),
-            tiles_rendered: 0,
-            tiles_resumed: 0,
-            rays: RayCounts::default(),
-            tally,
-            seconds: (rendered_in, writing.elapsed().as_secs_f64()),
-            spent: Spent { shared: 0.0, light: vec![0.0; run.moments.len()] },
-            timed_samples,
-            traced_with: (of_run > 0).then(|| runs[0].full_name()),
-            folder,
-        };
-        for of_tile in &taken {
-            let Taken { rays, spent, cached } = &of_tile[of_run];
-            rendered.rays += *rays;
-            rendered.spent += spent;
-            rendered.tiles_resumed += usize::from(*cached);
-            rendered.tiles_rendered += usize::from(!cached);
+    let of_run = |((i, lit), tally): ((usize, &&Lit<'_>), Tally)| {
+        let spent = Spent { shared: 0.0, light: vec![0.0; lit.times.len()] };
+        let traced_with = (i > 0).then(|| first.run.full_name());
+        let mut taken = Taken { spent, tally, seconds, timed_samples, traced_with, ..Taken::default() };
+        for of_tile in &of_tiles {
+            let (rays, spent, cached) = &of_tile[i];
+            taken.rays += *rays;
+            taken.spent += spent;
+            taken.tiles_resumed += usize::from(*cached);
+            taken.tiles_rendered += usize::from(!cached);
         }
-        let manifest = rendered.folder.join("manifest.json");
-        let text = format!("{:#}\n", manifest_of(plan, run, &rendered));
-        write_whole(&manifest, |file| io::Write::write_all(file, text.as_bytes())).map_err(at(&manifest))?;
-        store.remove().map_err(at(out))?;
-        Ok(rendered)
+        taken
     };
-    runs.iter().enumerate().zip(stores.iter().zip(tallies)).map(write).collect()
+    Ok(group.iter().enumerate().zip(tallies).map(of_run).collect())
 }
 
 /// Whether a selection may be written into a folder: the render that stands there, by its manifest, must hold no frame or
@@ -343,10 +390,10 @@ fn refuse_mixing(run: &Run, folder: &Path) -> Result<(), RenderError> {
     Ok(())
 }
 
-/// Whether a tile from disk has the shape that this run gives it.
-fn fits(result: &TileResult, tile: Tile, run: &Run) -> bool {
+/// Whether a tile from disk has the shape that a run gives it at these times.
+fn fits(result: &TileResult, tile: Tile, Lit { run, times, .. }: &Lit<'_>) -> bool {
     let n = (tile.width * tile.height) as usize;
-    let stack = n * run.moments.len() * run.traced.len();
+    let stack = n * times.len() * run.traced.len();
     let surface = run.products.surface_radiance || run.products.reflectance_factor;
     result.radiance.len() == stack
         && result.error.len() == stack
@@ -355,8 +402,8 @@ fn fits(result: &TileResult, tile: Tile, run: &Run) -> bool {
 }
 
 /// Whether the folder holds this very run, complete.
-fn is_up_to_date(manifest: &Path, folder: &Path, run: &Run) -> bool {
-    let Ok(text) = fs::read_to_string(manifest) else { return false };
+fn is_up_to_date(run: &Run, folder: &Path) -> bool {
+    let Ok(text) = fs::read_to_string(folder.join("manifest.json")) else { return false };
     let Ok(value) = serde_json::from_str::<Value>(&text) else { return false };
     value["key"] == run.key.as_str() && expected_files(run).iter().all(|file| folder.join(file).is_file())
 }
@@ -416,59 +463,75 @@ fn previews(run: &Run) -> Vec<Preview> {
     previews
 }
 
-type Load<'a> = &'a (dyn Fn(usize) -> Result<TileResult, RenderError> + Sync);
-
-fn write_products(run: &Run, folder: &Path, tiles: &[Tile], load: Load<'_>) -> Result<(), RenderError> {
-    let n = run.pixels.0 as usize * run.pixels.1 as usize;
-    let n_channels = run.channels.len();
-    // Frames are assembled a few at a time, so that memory is bounded whatever the number of times.
-    let products = &run.products;
-    let more = [products.surface_radiance, products.reflectance_factor, products.counts];
-    let per_frame = n * 4 * (1 + n_channels * (2 + more.iter().filter(|asked| **asked).count()));
-    let at_once = (FRAMES_AT_ONCE / per_frame.max(1)).clamp(1, run.moments.len().max(1));
-    let mut stretches: Vec<StretchCollector> = (0..n_channels).map(|_| StretchCollector::default()).collect();
-    let mut truth = vec![vec![0.0; n]; TileResult::TRUTH_MAPS];
-    let mut samples = vec![0.0; n];
-    let chunks: Vec<Vec<usize>> =
-        (0..run.moments.len()).collect::<Vec<_>>().chunks(at_once).map(<[usize]>::to_vec).collect();
-    for chunk in &chunks {
-        let mut frames: Vec<Frame> = chunk.iter().map(|t| Frame::blank(run, *t)).collect();
-        for (i, tile) in tiles.iter().enumerate() {
-            let result = load(i)?;
-            for (frame, t) in frames.iter_mut().zip(chunk) {
-                insert_frame(run, frame, *t, *tile, &result);
-            }
-            if chunk[0] == 0 {
-                for (map, image) in truth.iter_mut().enumerate() {
-                    copy_tile(*tile, &result.truth, map, image, run.window);
-                }
-                copy_tile(*tile, &result.samples, 0, &mut samples, run.window);
-            }
-        }
-        frames.par_iter().zip(chunk).try_for_each(|(frame, t)| write_frame(run, folder, frame, *t))?;
-        for frame in &frames {
-            stretches.iter_mut().zip(&frame.radiance).for_each(|(stretch, image)| stretch.add(image));
-        }
-        if chunks.len() == 1 && run.products.preview {
-            let stretches = series_stretches(&stretches);
-            frames.par_iter().try_for_each(|frame| write_previews(run, folder, frame, &stretches))?;
-        }
-    }
-    if chunks.len() > 1 && run.products.preview {
-        let stretches = series_stretches(&stretches);
-        for chunk in &chunks {
-            let mut frames: Vec<Frame> = chunk.iter().map(|t| Frame::blank(run, *t)).collect();
+impl Work<'_> {
+    /// Assembles frames from tiles; `seen` is shown each tile with the times that it is of.
+    fn frames(
+        &self,
+        chunk: &Range<usize>,
+        tiles: &[Tile],
+        out: &Path,
+        mut seen: impl FnMut(&Range<usize>, Tile, &TileResult),
+    ) -> Result<Vec<Frame>, RenderError> {
+        let mut frames: Vec<Frame> = chunk.clone().map(|t| Frame::blank(self.run, t)).collect();
+        for part in self.parts.iter().filter(|part| part.start < chunk.end && chunk.start < part.end) {
             for (i, tile) in tiles.iter().enumerate() {
-                let result = load(i)?;
-                frames.iter_mut().zip(chunk).for_each(|(frame, t)| insert_frame(run, frame, *t, *tile, &result));
+                let result = self.store.load(part.start, i).ok_or_else(|| RenderError::Write {
+                    path: out.to_path_buf(),
+                    source: io::Error::other("a finished tile has gone from the folder while it was rendered"),
+                })?;
+                for t in part.start.max(chunk.start)..part.end.min(chunk.end) {
+                    let frame = &mut frames[t - chunk.start];
+                    insert_frame(self.run, frame, t - part.start, &self.light[t], *tile, &result);
+                }
+                seen(part, *tile, &result);
             }
-            frames.par_iter().try_for_each(|frame| write_previews(run, folder, frame, &stretches))?;
         }
+        Ok(frames)
     }
-    if run.products.truth {
-        write_truth(run, folder, &truth, &samples)?;
+
+    fn write_products(&self, out: &Path) -> Result<(), RenderError> {
+        let (run, folder, tiles) = (self.run, &self.rendered.folder, self.run.tiles());
+        let n = run.pixels.0 as usize * run.pixels.1 as usize;
+        let n_channels = run.channels.len();
+        // Frames are assembled a few at a time, so that memory is bounded whatever the number of times.
+        let products = &run.products;
+        let more = [products.surface_radiance, products.reflectance_factor, products.counts];
+        let per_frame = n * 4 * (1 + n_channels * (2 + more.iter().filter(|asked| **asked).count()));
+        let n_times = run.moments.len();
+        let at_once = (FRAMES_AT_ONCE / per_frame.max(1)).clamp(1, n_times.max(1));
+        let mut stretches: Vec<StretchCollector> = (0..n_channels).map(|_| StretchCollector::default()).collect();
+        let mut truth = vec![vec![0.0; n]; TileResult::TRUTH_MAPS];
+        let mut samples = vec![0.0; n];
+        let chunks: Vec<Range<usize>> =
+            (0..n_times).step_by(at_once).map(|start| start..(start + at_once).min(n_times)).collect();
+        for chunk in &chunks {
+            let frames = self.frames(chunk, &tiles, out, |times, tile, result| {
+                if chunk.contains(&times.start) {
+                    insert_maps(run, (&mut truth, &mut samples), times, tile, result);
+                }
+            })?;
+            (frames.par_iter().zip(chunk.clone()))
+                .try_for_each(|(frame, t)| write_frame(run, folder, frame, t, &self.light[t]))?;
+            for frame in &frames {
+                stretches.iter_mut().zip(&frame.radiance).for_each(|(stretch, image)| stretch.add(image));
+            }
+            if chunks.len() == 1 && run.products.preview {
+                let stretches = series_stretches(&stretches);
+                frames.par_iter().try_for_each(|frame| write_previews(run, folder, frame, &stretches))?;
+            }
+        }
+        if chunks.len() > 1 && run.products.preview {
+            let stretches = series_stretches(&stretches);
+            for chunk in &chunks {
+                let frames = self.frames(chunk, &tiles, out, |_, _, _| {})?;
+                frames.par_iter().try_for_each(|frame| write_previews(run, folder, frame, &stretches))?;
+            }
+        }
+        if run.products.truth {
+            write_truth(run, folder, &truth, &samples)?;
+        }
+        Ok(())
     }
-    Ok(())
 }
 
 fn series_stretches(collectors: &[StretchCollector]) -> Vec<Stretch> {
@@ -547,7 +610,7 @@ fn numbers(values: impl Iterator<Item = f64>) -> String {
     format!("{{{}}}", values.map(|value| format!("{value:.9e}")).collect::<Vec<_>>().join(", "))
 }
 
-fn write_frame(run: &Run, folder: &Path, frame: &Frame, t: usize) -> Result<(), RenderError> {
+fn write_frame(run: &Run, folder: &Path, frame: &Frame, t: usize, light: &BandLight) -> Result<(), RenderError> {
     let folder = folder.join(&frame.label);
     let attributes = attributes(run, Some(t));
     let mapped = with_map(run, attributes.clone());
@@ -566,9 +629,7 @@ fn write_frame(run: &Run, folder: &Path, frame: &Frame, t: usize) -> Result<(), 
         let radiance = raster(run, &frame.radiance, RADIANCE_UNIT);
         exr("radiance.exr", &radiance)?;
         exr("error.exr", &raster(run, &frame.error, RADIANCE_UNIT))?;
-        let mut solar = vec![0.0; run.channels.len()];
-        run.channels.fold(run.light[t].sky.solar_irradiance(), &mut solar);
-        let solar = vec![("solar irradiance", numbers(solar.into_iter()))]; // as ENVI has it, in W m⁻² µm⁻¹
+        let solar = vec![("solar irradiance", numbers(light.solar.iter().copied()))]; // as ENVI has it, in W m⁻² µm⁻¹
         envi("radiance.img", "at-sensor spectral radiance", &radiance, solar)?;
     }
     if run.products.surface_radiance {
@@ -739,73 +800,81 @@ pub fn map_json(run: &Run) -> Value {
     })
 }
 
-fn manifest_of(plan: &Plan, run: &Run, rendered: &Rendered) -> Value {
-    let files: BTreeMap<&String, &String> = plan.files.iter().collect();
-    let channels: Vec<Value> = (run.channels.channels().iter().zip(run.band_shares()))
+impl Work<'_> {
+    fn manifest(&self, plan: &Plan, air_seconds: f64) -> Value {
+        let Self { run, rendered, .. } = self;
+        let files: BTreeMap<&String, &String> = plan.files.iter().collect();
+        let channels: Vec<Value> = (run.channels.channels().iter().zip(run.band_shares()))
         .map(|(c, share)| {
             let (nodes, entries) = (share.nodes, share.grid_entries);
             json!({"name": c.name, "centre_nm": c.centre.nm(), "fwhm_nm": c.fwhm * 1e3, "nodes": nodes, "grid_entries": entries})
         })
         .collect();
-    let mut times = moments_json(run);
-    for (row, light) in times.as_array_mut().into_iter().flatten().zip(&rendered.spent.light) {
-        row["light_cpu_s"] = json!(light);
+        let mut times = moments_json(run);
+        for (row, light) in times.as_array_mut().into_iter().flatten().zip(&rendered.spent.light) {
+            row["light_cpu_s"] = json!(light);
+        }
+        let errors: BTreeMap<&String, f64> =
+            run.channels.channels().iter().map(|c| &c.name).zip(rendered.tally.relative_errors()).collect();
+        let light_s: f64 = rendered.spent.light.iter().sum();
+        let seconds = json!({
+            "atmosphere_of_all_runs_s": air_seconds,
+            "trace_cpu_s": rendered.spent.shared,
+            "light_cpu_s": light_s,
+            "light_cpu_s_per_time": light_s / run.moments.len().max(1) as f64,
+            "write_s": rendered.seconds.1,
+        });
+        // Known before where the light of all times is kept.
+        let dark = run.kept().map_or_else(|| self.light.iter().filter(|light| light.is_dark).count(), |_| 0);
+        let skips: Vec<Skip> =
+            plan.skips.iter().chain(&run.skips).cloned().chain(dark_skip(dark, run.moments.len())).collect();
+        let mut manifest = json!({
+            "sunglint_version": env!("CARGO_PKG_VERSION"),
+            "key": run.key,
+            "title": plan.title,
+            "experiment": run.experiment,
+            "sweep": settings_json(&run.sweep),
+            "constants": settings_json(&run.constants),
+            "sensor": run.sensor,
+            "pixels": [run.pixels.0, run.pixels.1],
+            "crop": run.is_crop().then_some([run.window.x, run.window.y, run.window.width, run.window.height]),
+            "bands_left_out": run.left_out.bands,
+            "times_left_out": run.left_out.times,
+            "algorithm": run.algorithm_name,
+            "atmosphere": run.atmosphere_name,
+            "models": run.models,
+            "accuracy": format!("{:?}", rendered.timed_samples.map_or(run.accuracy, Accuracy::Samples)),
+            "time_s": run.budget,
+            "samples": rendered.timed_samples,
+            "samples_per_pixel": rendered.tally.samples_per_pixel(),
+            "relative_standard_error": errors,
+            "seed": run.seed,
+            "unit": RADIANCE_UNIT,
+            "channels": channels,
+            "detector": detector_json(run),
+            "map": map_json(run),
+            "grid_entries": run.grid.len(),
+            "times": times,
+            "objects": run.objects.iter().map(object_json).collect::<Vec<_>>(),
+            "materials": run.materials.iter().map(|(code, name)| json!({"code": code, "name": name})).collect::<Vec<_>>(),
+            "inputs_blake3": files,
+            "facets": run.scenery.world.facet_count(),
+            "geometry_bytes": run.scenery.world.memory_bytes(),
+            "threads": rayon::current_num_threads(),
+            "render_s": rendered.seconds.0,
+            "write_s": rendered.seconds.1,
+            "tiles_rendered": rendered.tiles_rendered,
+            "tiles_resumed": rendered.tiles_resumed,
+            "rays": rays_json(&rendered.rays),
+            "rays_per_s": rendered.tally.rays as f64 / rendered.seconds.0.max(1e-9),
+            "skips": skips_json(&skips),
+            "estimators": run.estimators,
+            "air_notes": run.air_notes,
+        });
+        manifest["seconds"] = seconds;
+        manifest["columns_solved"] = json!(run.columns_solved);
+        manifest["paths_traced_with"] = json!(rendered.traced_with);
+        manifest["parts"] = json!(self.parts.len());
+        manifest
     }
-    let errors: BTreeMap<&String, f64> =
-        run.channels.channels().iter().map(|c| &c.name).zip(rendered.tally.relative_errors()).collect();
-    let light_s: f64 = rendered.spent.light.iter().sum();
-    let seconds = json!({
-        "atmosphere_of_all_runs_s": plan.air_seconds,
-        "trace_cpu_s": rendered.spent.shared,
-        "light_cpu_s": light_s,
-        "light_cpu_s_per_time": light_s / run.moments.len().max(1) as f64,
-        "write_s": rendered.seconds.1,
-    });
-    let mut manifest = json!({
-        "sunglint_version": env!("CARGO_PKG_VERSION"),
-        "key": run.key,
-        "title": plan.title,
-        "experiment": run.experiment,
-        "sweep": settings_json(&run.sweep),
-        "constants": settings_json(&run.constants),
-        "sensor": run.sensor,
-        "pixels": [run.pixels.0, run.pixels.1],
-        "crop": run.is_crop().then_some([run.window.x, run.window.y, run.window.width, run.window.height]),
-        "bands_left_out": run.left_out.bands,
-        "times_left_out": run.left_out.times,
-        "algorithm": run.algorithm_name,
-        "atmosphere": run.atmosphere_name,
-        "models": run.models,
-        "accuracy": format!("{:?}", rendered.timed_samples.map_or(run.accuracy, Accuracy::Samples)),
-        "time_s": run.budget,
-        "samples": rendered.timed_samples,
-        "samples_per_pixel": rendered.tally.samples_per_pixel(),
-        "relative_standard_error": errors,
-        "seed": run.seed,
-        "unit": RADIANCE_UNIT,
-        "channels": channels,
-        "detector": detector_json(run),
-        "map": map_json(run),
-        "grid_entries": run.grid.len(),
-        "times": times,
-        "objects": run.objects.iter().map(object_json).collect::<Vec<_>>(),
-        "materials": run.materials.iter().map(|(code, name)| json!({"code": code, "name": name})).collect::<Vec<_>>(),
-        "inputs_blake3": files,
-        "facets": run.scenery.world.facet_count(),
-        "geometry_bytes": run.scenery.world.memory_bytes(),
-        "threads": rayon::current_num_threads(),
-        "render_s": rendered.seconds.0,
-        "write_s": rendered.seconds.1,
-        "tiles_rendered": rendered.tiles_rendered,
-        "tiles_resumed": rendered.tiles_resumed,
-        "rays": rays_json(&rendered.rays),
-        "rays_per_s": rendered.tally.rays as f64 / rendered.seconds.0.max(1e-9),
-        "skips": skips_json(&plan.skips.iter().chain(&run.skips).cloned().collect::<Vec<_>>()),
-        "estimators": run.estimators,
-        "air_notes": run.air_notes,
-    });
-    manifest["seconds"] = seconds;
-    manifest["columns_solved"] = json!(run.columns_solved);
-    manifest["paths_traced_with"] = json!(rendered.traced_with);
-    manifest
 }

@@ -175,9 +175,22 @@ impl Atmosphere for Layered {
         true
     }
 
-    fn check(&self, column: &Column, _: &[Sun], grid: &SpectralGrid, _: &Needs) -> Result<(), AtmosphereError> {
+    fn sky_bytes(&self, grid: &SpectralGrid, needs: &Needs) -> usize {
+        column_sky::sky_bytes(grid.len(), self.full, needs)
+    }
+
+    fn check(
+        &self,
+        column: &Column,
+        _: &[Sun],
+        grid: &SpectralGrid,
+        _: &Needs,
+    ) -> Result<Vec<String>, AtmosphereError> {
         coverage::check("the TSIS-1 solar spectrum", HSRS.domain(), grid)?;
-        Site::new(column)?.check(grid)
+        coverage::albedos(std::slice::from_ref(&column.ground_albedo), grid)?;
+        let site = Site::new(column)?;
+        site.check(grid)?;
+        Ok(site.notes().to_vec())
     }
 
     fn solve(

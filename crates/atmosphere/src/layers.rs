@@ -662,8 +662,18 @@ impl Atmosphere for Layers {
         true
     }
 
-    fn check(&self, column: &Column, _: &[Sun], grid: &SpectralGrid, _: &Needs) -> Result<(), AtmosphereError> {
-        self.air(std::slice::from_ref(&column.ground_albedo), column, grid).map(drop)
+    fn sky_bytes(&self, grid: &SpectralGrid, needs: &Needs) -> usize {
+        column_sky::sky_bytes(grid.len(), self.has_spectra(), needs)
+    }
+
+    fn check(
+        &self,
+        column: &Column,
+        _: &[Sun],
+        grid: &SpectralGrid,
+        _: &Needs,
+    ) -> Result<Vec<String>, AtmosphereError> {
+        Ok(self.air(std::slice::from_ref(&column.ground_albedo), column, grid)?.notes)
     }
 
     fn solve(
@@ -690,6 +700,11 @@ impl Atmosphere for Layers {
 }
 
 impl Layers {
+    /// Whether anything changes with wavelength: radiances are solved everywhere then.
+    fn has_spectra(&self) -> bool {
+        self.components.iter().any(|component| !component.wavelengths.is_empty())
+    }
+
     fn air(&self, albedos: &[Vec<f64>], column: &Column, grid: &SpectralGrid) -> Result<ColumnAir, AtmosphereError> {
         let solar = match &self.solar {
             Some(given) => none::on_grid("solar_irradiance", given, grid)?,
@@ -707,9 +722,9 @@ impl Layers {
             },
             media: self.media(grid)?,
             ladder: {
-                let alike = self.components.iter().all(|component| component.wavelengths.is_empty());
+                let every = self.has_spectra();
                 Box::new(
-                    move |media| if alike { Ladder::of_all(media) } else { Ladder::of_every(media, media[0].clone()) },
+                    move |media| if every { Ladder::of_every(media, media[0].clone()) } else { Ladder::of_all(media) },
                 )
             },
             solar,

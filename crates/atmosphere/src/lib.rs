@@ -84,13 +84,35 @@ pub trait Atmosphere: Send + Sync {
         Vec::new()
     }
 
-    /// Finds what [`Atmosphere::solve`] would refuse, for the checks of a scene. A provider whose solution takes time says
-    /// so without it.
+    /// About how many bytes one solved sky keeps.
+    fn sky_bytes(&self, grid: &SpectralGrid, needs: &Needs) -> usize {
+        let _ = needs;
+        64 * grid.len()
+    }
+
+    /// Finds all that [`Atmosphere::solve`] would refuse: what passes here is solved later without fail. Gives the notes of the
+    /// skies, each once. A provider whose solution takes time says so without it.
     ///
     /// # Errors
     /// Those of `solve`.
-    fn check(&self, column: &Column, suns: &[Sun], grid: &SpectralGrid, needs: &Needs) -> Result<(), AtmosphereError> {
-        self.solve(column, suns, grid, needs).map(drop)
+    fn check(
+        &self,
+        column: &Column,
+        suns: &[Sun],
+        grid: &SpectralGrid,
+        needs: &Needs,
+    ) -> Result<Vec<String>, AtmosphereError> {
+        /// Skies that are there at a time.
+        const AT_ONCE: usize = 64;
+        let mut notes = Vec::new();
+        for suns in suns.chunks(AT_ONCE) {
+            for note in self.solve(column, suns, grid, needs)?.iter().flat_map(|sky| sky.notes()) {
+                if !notes.contains(&note) {
+                    notes.push(note);
+                }
+            }
+        }
+        Ok(notes)
     }
 
     /// Solves one column for many suns at once, since most of the work does not depend on the sun; the answers are in

@@ -198,6 +198,10 @@ impl Atmosphere for Measured {
         self.report.clone()
     }
 
+    fn sky_bytes(&self, grid: &SpectralGrid, _: &Needs) -> usize {
+        size_of::<f64>() * grid.len() * (3 + self.terms.len())
+    }
+
     fn solve(
         &self,
         _column: &Column,

@@ -723,6 +723,11 @@ impl Atmosphere for Table {
         self.notes.clone()
     }
 
+    fn sky_bytes(&self, grid: &SpectralGrid, _: &Needs) -> usize {
+        let spectra = |field: &Field| field.axes[1].len() * field.axes[2].len();
+        size_of::<f64>() * grid.len() * self.fields.iter().flatten().map(spectra).sum::<usize>()
+    }
+
     fn solve(
         &self,
         _column: &Column,

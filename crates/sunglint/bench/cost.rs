@@ -44,25 +44,25 @@ pub(super) fn render(
     progress: &dyn BenchProgress,
 ) -> Result<Costed, BenchError> {
     let tiles = run.tiles();
-    progress.begin(what, tiles.len());
-    let one = |tile: &Tile| -> Result<(TileResult, f64), BenchError> {
-        if progress.stopped() {
-            return Err(BenchError::Stopped);
-        }
-        // A tile is rendered by one thread from end to end.
-        let begun = thread_seconds();
-        let result =
-            run.with_view(|view| render_tile(&View { accuracy: Accuracy::Samples(samples), seed, ..*view }, *tile));
-        let spent = thread_seconds() - begun;
-        progress.tile();
-        Ok((result, spent))
-    };
-    let results: Vec<(TileResult, f64)> = tiles.par_iter().map(one).collect::<Result<_, _>>()?;
+    progress.begin(what, tiles.len() * run.parts().count());
     let mut frames = Frames::new(run);
     let mut cpu_s = 0.0;
-    for (tile, (result, spent)) in tiles.iter().zip(&results) {
-        frames.insert(run, *tile, result);
-        cpu_s += spent;
+    for lit in run.lit_parts() {
+        let one = |tile: &Tile| -> Result<(TileResult, f64), BenchError> {
+            if progress.stopped() {
+                return Err(BenchError::Stopped);
+            }
+            // A tile is rendered by one thread from end to end.
+            let begun = thread_seconds();
+            let result =
+                lit.with_view(|view| render_tile(&View { accuracy: Accuracy::Samples(samples), seed, ..*view }, *tile));
+            let spent = thread_seconds() - begun;
+            progress.tile();
+            Ok((result, spent))
+        };
+        let results: Vec<(TileResult, f64)> = tiles.par_iter().map(one).collect::<Result<_, _>>()?;
+        frames.insert(&lit, tiles.iter().zip(results.iter().map(|(result, _)| result)));
+        cpu_s += results.iter().map(|(_, spent)| spent).sum::<f64>();
     }
     progress.end();
     Ok(Costed { frames, cpu_s })

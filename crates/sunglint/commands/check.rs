@@ -63,7 +63,9 @@ impl Check {
 
 /// What the check finds; a scene that reads well is bound too: meshes, times, spectra against bands.
 fn findings(scene: &Path) -> (Vec<Diagnostic>, Sources) {
-    match sunglint::open(scene).and_then(|checked| Plan::new(checked, &Options { unlit: true, ..Options::default() })) {
+    match sunglint::open(scene)
+        .and_then(|checked| Plan::new(checked, &Options { light_at_once: Some(0), ..Options::default() }))
+    {
         Ok(plan) => (plan.warnings, plan.sources),
         Err(refused) => (refused.diagnostics, refused.sources),
     }

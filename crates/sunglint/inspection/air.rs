@@ -211,7 +211,7 @@ fn entries(sky: &dyn SkyState, towards: &[WorldDir], paths: &[AirPath]) -> Entri
 }
 
 fn spectrum(run: &Run, time: usize, towards: &[WorldDir], paths: &[AirPath]) -> AirSpectrum {
-    let all = entries(run.light[time].sky.as_ref(), towards, paths);
+    let all = entries(run.light(time).sky.as_ref(), towards, paths);
     // The absorption points g of one wavelength become their weighted mean.
     let mut nodes: Vec<(f64, Vec<(usize, f64)>)> = Vec::new();
     for (i, entry) in run.grid.entries().iter().enumerate() {
@@ -240,7 +240,7 @@ fn spectrum(run: &Run, time: usize, towards: &[WorldDir], paths: &[AirPath]) -> 
 }
 
 fn bands(run: &Run, time: usize, towards: &[WorldDir], paths: &[AirPath]) -> Vec<AirBand> {
-    let all = entries(run.light[time].sky.as_ref(), towards, paths);
+    let all = entries(run.light(time).sky.as_ref(), towards, paths);
     let n = run.channels.len();
     let fold = |values: &[f64]| {
         let mut means = vec![0.0; n];
@@ -445,7 +445,7 @@ impl std::fmt::Display for Air {
 
 /// The sky of one channel of a run as seen from below: north up, east left, the sun marked.
 pub fn sky_picture(run: &Run, time: usize, channel: usize, projection: Projection) -> Picture {
-    let light = &run.light[time];
+    let light = run.light(time);
     let n = run.channels.len();
     // One number a sky term is all that a band needs.
     let terms: Vec<f64> = (light.sky.sky_terms().iter())

@@ -1,14 +1,14 @@
 //! The air of each time, and the light that it gives.
 
 use std::collections::{BTreeMap, HashMap};
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
-use sunglint_atmosphere::{Atmosphere, AtmosphereError, BUILTIN, Cloud, Column, Needs, Sun};
+use sunglint_atmosphere::{Atmosphere, AtmosphereError, Cloud, Column, Needs, Sun};
 use sunglint_dsl::scene::{self, Experiment, ModelUse, Weather};
 use sunglint_dsl::{Diagnostic, Scene, Span, list};
 use sunglint_geometry::{FacetId, MaterialId, World};
-use sunglint_plugin::{Args, SpectralValue, Value};
 use sunglint_radiometry::{LocalDir, SpectralGrid};
 use sunglint_reflectance::Bsdf;
 use sunglint_sensor::Camera;
@@ -75,17 +75,23 @@ impl Planner<'_, '_> {
     ) -> SkyOrder {
         let use_ = &experiment.atmosphere;
         let of_provider = format!("{} {:?} {grid:?}", use_.name, use_.args);
+        let of_ground = format!(" {albedo:?}");
+        let hashed = |parts: [&[u8]; 2]| {
+            let mut hasher = blake3::Hasher::new();
+            hasher.update(parts[0]).update(parts[1]).finalize()
+        };
         let mut columns: Vec<(Column, blake3::Hash)> = Vec::new();
         let times = (moments.iter())
             .map(|(moment, air)| {
                 let column = self.column(air);
                 let met = columns.iter().position(|(known, _)| *known == column).unwrap_or_else(|| {
-                    let mut hasher = blake3::Hasher::new();
-                    hasher.update(of_provider.as_bytes()).update(format!(" {column:?}").as_bytes());
-                    columns.push((column, hasher.finalize()));
+                    let hash = hashed([of_provider.as_bytes(), format!(" {column:?}").as_bytes()]);
+                    columns.push((column, hash));
                     columns.len() - 1
                 });
-                (met, moment.sun)
+                let under = hashed([columns[met].1.as_bytes(), format!("{:?}", moment.sun).as_bytes()]);
+                let sky = hashed([under.as_bytes(), of_ground.as_bytes()]);
+                OfTime { column: met, sun: moment.sun, under, sky }
             })
             .collect();
         SkyOrder { provider, use_: use_.clone(), grid: grid.clone(), needs, albedo: albedo.to_vec(), columns, times }
@@ -157,7 +163,7 @@ pub(super) fn in_vain(asked: &Asked) -> Vec<Diagnostic> {
 }
 
 /// What a run asks of its atmosphere: the sky over its columns of air at its times.
-pub(super) struct SkyOrder {
+pub(crate) struct SkyOrder {
     provider: Arc<dyn Atmosphere>,
     use_: ModelUse,
     grid: SpectralGrid,
@@ -166,16 +172,34 @@ pub(super) struct SkyOrder {
     albedo: Vec<f64>,
     /// Each with the hash of all that its sky depends on beside the sun and the ground.
     columns: Vec<(Column, blake3::Hash)>,
-    /// Index of the column, and the sun.
-    times: Vec<(usize, Option<Sun>)>,
+    times: Vec<OfTime>,
 }
 
-/// The light of a run.
-pub(super) struct Lit {
-    /// Of each time.
-    pub light: Vec<Arc<Illumination>>,
-    /// Columns that this run is the first to ask for.
-    pub columns: usize,
+/// What a run asks for one time.
+struct OfTime {
+    column: usize,
+    sun: Option<Sun>,
+    /// Of column and sun, over whatever ground: such skies are solved in one.
+    under: blake3::Hash,
+    /// Of all that the sky depends on.
+    sky: blake3::Hash,
+}
+
+impl SkyOrder {
+    /// Whether the same skies are asked for, time by time.
+    pub fn is(&self, other: &Self) -> bool {
+        self.times.iter().map(|time| time.sky).eq(other.times.iter().map(|time| time.sky))
+    }
+
+    /// By time the hashes of column and sun, and of the sky over the run's ground.
+    pub fn skies(&self) -> impl Iterator<Item = (blake3::Hash, blake3::Hash)> {
+        self.times.iter().map(|time| (time.under, time.sky))
+    }
+
+    /// About how many bytes a sky keeps, and the light that is made of it.
+    pub fn sky_bytes(&self) -> usize {
+        self.provider.sky_bytes(&self.grid, &self.needs) + 2 * size_of::<f64>() * self.grid.len()
+    }
 }
 
 /// One column with all that is asked of it.
@@ -183,74 +207,86 @@ struct Ask<'o> {
     order: &'o SkyOrder,
     column: &'o Column,
     needs: Needs,
-    albedos: Vec<Vec<f64>>,
-    suns: Vec<Option<Sun>>,
-    /// Pairs of ground and sun, the first of all that were asked for.
+    albedos: Vec<&'o [f64]>,
+    suns: Vec<Sun>,
+    /// Ground and sun of each sky.
     wanted: Vec<(usize, usize)>,
 }
 
-/// The place of a value among those known, put there if it is new.
-fn place_of<T: PartialEq + Clone>(known: &mut Vec<T>, value: &T) -> usize {
-    known.iter().position(|known| known == value).unwrap_or_else(|| {
-        known.push(value.clone());
-        known.len() - 1
-    })
+/// All that is asked of the distinct columns.
+#[derive(Default)]
+struct Asks<'o> {
+    asks: Vec<Ask<'o>>,
+    columns: HashMap<blake3::Hash, usize>,
+    suns: HashMap<blake3::Hash, usize>,
+    /// Ask and place within it.
+    skies: HashMap<blake3::Hash, (usize, usize)>,
 }
 
-/// Solves each column once, for all suns, grounds and needs of all runs; the lights are in the order of `orders`, `None` where
-/// a column has no solution, which is told. With the number of skies that a run found solved for another. Where the lights
-/// are not wanted, the providers only tell what they would refuse.
-pub(super) fn solve(orders: &[&SkyOrder], unlit: bool, diagnostics: &mut Vec<Diagnostic>) -> (Vec<Option<Lit>>, usize) {
-    let mut asks: Vec<Ask> = Vec::new();
-    let mut known: HashMap<blake3::Hash, usize> = HashMap::new();
-    let mut shared = 0;
-    // For each run: the columns that are new, and for each time the ask and which of its pairs.
-    let mut places: Vec<(usize, Vec<(usize, usize)>)> = Vec::new();
-    for order in orders {
-        let before = asks.len();
-        let mut place = |(met, sun): &(usize, Option<Sun>)| {
-            let (column, hash) = &order.columns[*met];
-            let ask = *known.entry(*hash).or_insert_with(|| {
+impl<'o> Asks<'o> {
+    /// Asks for some times of a run; gives for each the ask and the place of its sky there.
+    fn add(&mut self, order: &'o SkyOrder, times: Range<usize>) -> Vec<(usize, usize)> {
+        // Without a sun the column is solved for one below the horizon.
+        let below = Sun::at(std::f64::consts::PI, 0.0);
+        let Self { asks, columns, suns, skies } = self;
+        let mut place = |time: &'o OfTime| {
+            let (column, hash) = &order.columns[time.column];
+            let at = *columns.entry(*hash).or_insert_with(|| {
                 let (albedos, suns, wanted) = (Vec::new(), Vec::new(), Vec::new());
                 asks.push(Ask { order, column, needs: order.needs, albedos, suns, wanted });
                 asks.len() - 1
             });
-            let Ask { needs, albedos, suns, wanted, .. } = &mut asks[ask];
-            *needs = needs.union(order.needs);
-            let before = wanted.len();
-            let pair = place_of(wanted, &(place_of(albedos, &order.albedo), place_of(suns, sun)));
-            shared += usize::from(wanted.len() == before);
-            (ask, pair)
+            let ask = &mut asks[at];
+            ask.needs = ask.needs.union(order.needs);
+            *skies.entry(time.sky).or_insert_with(|| {
+                let sun = *suns.entry(time.under).or_insert_with(|| {
+                    ask.suns.push(time.sun.unwrap_or(below));
+                    ask.suns.len() - 1
+                });
+                let ground = ask.albedos.iter().position(|known| *known == order.albedo).unwrap_or_else(|| {
+                    ask.albedos.push(&order.albedo);
+                    ask.albedos.len() - 1
+                });
+                ask.wanted.push((ground, sun));
+                (at, ask.wanted.len() - 1)
+            })
         };
-        let times = order.times.iter().map(&mut place).collect();
-        places.push((asks.len() - before, times));
+        order.times[times].iter().map(&mut place).collect()
     }
-    // Without a sun the column is solved for one below the horizon.
-    let below = Sun::at(std::f64::consts::PI, 0.0);
-    let solved: Vec<_> = (asks.par_iter())
+}
+
+/// What a run is told of its air before it is solved.
+pub(super) struct Told {
+    /// Columns that this run is the first to ask for.
+    pub columns: usize,
+    /// What was assumed or estimated.
+    pub notes: Vec<String>,
+}
+
+/// Asks the providers whether they can solve all that the runs ask for: `None` where one cannot, which is told. With the number
+/// of skies that a run found asked for before.
+pub(super) fn check(orders: &[&SkyOrder], diagnostics: &mut Vec<Diagnostic>) -> (Vec<Option<Told>>, usize) {
+    let mut asks = Asks::default();
+    let mut places: Vec<(usize, Vec<(usize, usize)>)> = Vec::new();
+    for order in orders {
+        let before = asks.asks.len();
+        let own = asks.add(order, 0..order.times.len());
+        places.push((asks.asks.len() - before, own));
+    }
+    let n_times: usize = orders.iter().map(|order| order.times.len()).sum();
+    let shared = n_times - asks.skies.len();
+    let asks = asks.asks;
+    let checked: Vec<Result<Vec<String>, AtmosphereError>> = (asks.par_iter())
         .map(|ask| {
-            let suns: Vec<Sun> = ask.suns.iter().map(|sun| sun.unwrap_or(below)).collect();
-            let (order, provider) = (ask.order, &ask.order.provider);
-            let (column, grid, needs) = (ask.column, &order.grid, &ask.needs);
-            let skies = if unlit {
-                for albedo in &ask.albedos {
-                    let column = Column { ground_albedo: albedo.clone(), ..column.clone() };
-                    provider.check(&column, &suns, grid, needs)?;
-                }
-                darkness(grid)?.solve_over(&ask.albedos, column, &suns, grid, needs)?
-            } else {
-                provider.solve_over(&ask.albedos, column, &suns, grid, needs)?
-            };
-            let mut skies: Vec<Vec<Option<_>>> =
-                skies.into_iter().map(|skies| skies.into_iter().map(Some).collect()).collect();
-            let light = ask.wanted.iter().map(|(ground, sun)| {
-                let sky = skies[*ground][*sun].take().expect("pairs are distinct");
-                Arc::new(Illumination::new(sky, ask.suns[*sun].as_ref()))
-            });
-            Ok(light.collect::<Vec<Arc<Illumination>>>())
+            let mut notes = Vec::new();
+            for albedo in &ask.albedos {
+                let column = Column { ground_albedo: albedo.to_vec(), ..ask.column.clone() };
+                notes = ask.order.provider.check(&column, &ask.suns, &ask.order.grid, &ask.needs)?;
+            }
+            Ok(notes)
         })
-        .collect::<Vec<Result<_, AtmosphereError>>>();
-    for (ask, error) in asks.iter().zip(&solved).filter_map(|(ask, solved)| Some((ask, solved.as_ref().err()?))) {
+        .collect();
+    for (ask, error) in asks.iter().zip(&checked).filter_map(|(ask, checked)| Some((ask, checked.as_ref().err()?))) {
         let use_ = &ask.order.use_;
         let message = format!("atmosphere `{}`: {error}", use_.name);
         let diagnostic = match use_.span {
@@ -261,19 +297,42 @@ pub(super) fn solve(orders: &[&SkyOrder], unlit: bool, diagnostics: &mut Vec<Dia
             diagnostics.push(diagnostic);
         }
     }
-    let lit = places.into_iter().map(|(columns, times)| {
-        let light = times.into_iter().map(|(ask, pair)| solved[ask].as_ref().ok().map(|lights| lights[pair].clone()));
-        Some(Lit { light: light.collect::<Option<_>>()?, columns })
-    });
-    (lit.collect(), shared)
+    let told = |(columns, times): (usize, Vec<(usize, usize)>)| {
+        let mut notes: Vec<String> = Vec::new();
+        for (ask, _) in times {
+            let fresh = checked[ask].as_ref().ok()?.iter().filter(|note| !notes.contains(note)).cloned();
+            notes.extend(fresh.collect::<Vec<_>>());
+        }
+        Some(Told { columns, notes })
+    };
+    (places.into_iter().map(told).collect(), shared)
 }
 
-/// An atmosphere without air, for a plan that nobody renders.
-fn darkness(grid: &SpectralGrid) -> Result<Arc<dyn Atmosphere>, AtmosphereError> {
-    let none = BUILTIN.iter().find(|model| model.info.name == "none").expect("the model `none` is always there");
-    let dark = [("solar_irradiance".to_string(), Value::Spectrum(SpectralValue::Constant(0.0)))];
-    (none.bind)(&Args::new(&none.info, dark), grid)
-        .map_err(|fault| AtmosphereError { code: fault.code, message: fault.message })
+/// Solves some times of runs, each column once, for all suns, grounds and needs of all of them: the light by run and time.
+///
+/// # Panics
+/// Where a provider refuses what passed [`check`].
+pub(super) fn solve(asked: &[(&SkyOrder, Range<usize>)]) -> Vec<Vec<Arc<Illumination>>> {
+    let mut asks = Asks::default();
+    let places: Vec<Vec<(usize, usize)>> = asked.iter().map(|(order, times)| asks.add(order, times.clone())).collect();
+    let solved: Vec<Vec<Arc<Illumination>>> = (asks.asks.par_iter())
+        .map(|ask| {
+            let Ask { order, column, needs, albedos, suns, wanted } = ask;
+            let albedos: Vec<Vec<f64>> = albedos.iter().map(|albedo| albedo.to_vec()).collect();
+            let skies = order.provider.solve_over(&albedos, column, suns, &order.grid, needs);
+            let skies =
+                skies.unwrap_or_else(|error| panic!("atmosphere `{}`, checked before: {error}", order.use_.name));
+            let mut skies: Vec<Vec<Option<_>>> =
+                skies.into_iter().map(|skies| skies.into_iter().map(Some).collect()).collect();
+            let mut light = |(ground, sun): &(usize, usize)| {
+                let sky = skies[*ground][*sun].take().expect("pairs are distinct");
+                Arc::new(Illumination::new(sky, Some(&suns[*sun])))
+            };
+            wanted.iter().map(&mut light).collect()
+        })
+        .collect();
+    let of_run = |times: Vec<(usize, usize)>| times.into_iter().map(|(ask, sky)| solved[ask][sky].clone()).collect();
+    places.into_iter().map(of_run).collect()
 }
 
 /// Lowest and highest z of what a camera can see and of the camera itself on its whole flight, and of `level` \[m\].

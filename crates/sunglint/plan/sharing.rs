@@ -6,6 +6,7 @@ use std::sync::Arc;
 use sunglint_tracer::Accuracy;
 
 use super::{MOST_SAMPLES, Plan, Run};
+use crate::lit::Lit;
 
 /// Images, one a time and channel, of the runs that are traced together: 12 kB each in a tile.
 const MOST_IMAGES: usize = 4096;
@@ -34,7 +35,7 @@ pub struct Sharing {
     pub geometry_with: Vec<String>,
     /// Runs whose materials reflect by the same bound models.
     pub surfaces_with: Vec<String>,
-    /// Runs under the same solved air at all times.
+    /// Runs under the same air at all times.
     pub air_with: Vec<String>,
     /// Runs of the sensor that sample the same points of the same pixels: what differs between their images is no noise of
     /// what is seen.
@@ -62,6 +63,12 @@ impl Run {
             .collect()
     }
 
+    /// Bytes of a pixel in a finished tile, for each time.
+    pub(super) fn tile_bytes(&self) -> usize {
+        let surface = usize::from(self.products.surface_radiance || self.products.reflectance_factor);
+        size_of::<f32>() * (self.traced.len() * (2 + surface) + 1)
+    }
+
     /// `experiment/sensor`.
     pub fn full_name(&self) -> String {
         format!("{}/{}", self.experiment, self.sensor)
@@ -75,7 +82,7 @@ impl Run {
             && self.window == other.window
             && self.grid == other.grid
             && self.looks_as(other)
-            && self.with_view(|own| other.with_view(|other| own.traces_as(other)))
+            && self.view(&self.sight(), &[]).traces_as(&other.view(&other.sight(), &[]))
     }
 
     /// Whether both look along the same lines of sight: told by corners and middle of the image.
@@ -91,23 +98,22 @@ impl Run {
     }
 }
 
-impl Plan {
-    /// The runs by what is traced: runs of one group [trace the same paths](Run::traces_as). A sweep of very many is traced in
-    /// several groups, so that the tiles of one stay few.
-    pub fn traced_together(&self) -> Vec<Vec<&Run>> {
-        let images = |run: &Run| run.moments.len() * run.traced.len();
-        let fits =
-            |group: &[&Run], run| group.iter().map(|own| images(own)).sum::<usize>() + images(run) <= MOST_IMAGES;
-        let mut groups: Vec<Vec<&Run>> = Vec::new();
-        for run in &self.runs {
-            match groups.iter_mut().find(|group| group[0].traces_as(run) && fits(group, run)) {
-                Some(group) => group.push(run),
-                None => groups.push(vec![run]),
-            }
+/// Runs under light by what is traced: those of one group [trace the same paths](Run::traces_as). A sweep of very many is traced in
+/// several groups, so that the tiles of one stay few.
+pub(crate) fn traced_together<'l, 'p>(lits: &'l [Lit<'p>]) -> Vec<Vec<&'l Lit<'p>>> {
+    let images = |lit: &Lit| lit.times.len() * lit.run.traced.len();
+    let fits = |group: &[&Lit], lit| group.iter().map(|own| images(own)).sum::<usize>() + images(lit) <= MOST_IMAGES;
+    let mut groups: Vec<Vec<&Lit>> = Vec::new();
+    for lit in lits {
+        match groups.iter_mut().find(|group| group[0].run.traces_as(lit.run) && fits(group, lit)) {
+            Some(group) => group.push(lit),
+            None => groups.push(vec![lit]),
         }
-        groups
     }
+    groups
+}
 
+impl Plan {
     /// What a run shares.
     pub fn sharing(&self, run: &Run) -> Sharing {
         let others = || self.runs.iter().filter(|other| !std::ptr::eq(*other, run));
@@ -121,10 +127,7 @@ impl Plan {
                     (own, other) => own.is_none() && other.is_none(),
                 })
         };
-        let air = |other: &Run| {
-            run.light.len() == other.light.len()
-                && run.light.iter().zip(&other.light).all(|(own, other)| Arc::ptr_eq(own, other))
-        };
+        let air = |other: &Run| run.sky.is(&other.sky);
         let apart = |other: &Run| match () {
             () if !geometry(other) => Some("another geometry"),
             () if !run.looks_as(other) => Some("another view"),
@@ -140,11 +143,9 @@ impl Plan {
             Accuracy::Samples(least) => rays(least)..=u64::MAX,
             Accuracy::Error { .. } => rays(16)..=rays(MOST_SAMPLES),
         };
-        let surface = usize::from(run.products.surface_radiance || run.products.reflectance_factor);
-        let per_pixel = size_of::<f32>() * (run.traced.len() * (2 + surface) + 1);
         Sharing {
             camera_rays,
-            bytes_per_time: pixels * per_pixel as u64,
+            bytes_per_time: pixels * run.tile_bytes() as u64,
             bands: run.band_shares(),
             geometry_with: with(&geometry),
             surfaces_with: with(&surfaces),
@@ -185,7 +186,7 @@ mod tests {
         assert_eq!(base.surfaces_with, named(&["exact", "haze", "other", "high"]));
         assert_eq!(base.samples_with, named(&["exact", "glossy", "haze"]));
         assert_eq!(base.paths_with, named(&["haze"]));
-        assert_eq!(plan.traced_together().len(), plan.runs().len() - 1);
+        assert_eq!(super::traced_together(&plan.lit(&plan.parts()[0])).len(), plan.runs().len() - 1);
         let apart: Vec<(&str, &str)> = base.samples_apart.iter().map(|(name, why)| (name.as_str(), *why)).collect();
         assert_eq!(
             apart,

@@ -1,12 +1,10 @@
 //! What will not be computed, and why.
 
-use std::sync::Arc;
-
 use sunglint_dsl::Scene;
 use sunglint_geometry::{FacetId, World};
 use sunglint_radiometry::SpectralGrid;
 use sunglint_sensor::Band;
-use sunglint_tracer::{Algorithm, Illumination, Scenery};
+use sunglint_tracer::{Algorithm, Scenery};
 
 use super::Skip;
 
@@ -50,7 +48,6 @@ pub(super) fn run_skips(
     scenery: &Scenery,
     bands: &[Band],
     grid: &SpectralGrid,
-    light: &[Arc<Illumination>],
 ) -> Vec<Skip> {
     let mut skips: Vec<Skip> = (algorithm.skips(scenery).into_iter())
         .map(|line| match line.split_once(": ") {
@@ -70,13 +67,6 @@ pub(super) fn run_skips(
         ),
         why: format!("no band responds there; {} grid entries remain", grid.len()),
     });
-    let dark = light.iter().filter(|time| time.is_dark()).count();
-    if dark > 0 {
-        skips.push(Skip {
-            what: format!("sun and sky at {dark} of {} times", light.len()),
-            why: "the sun is below the horizon".into(),
-        });
-    }
     skips.push(Skip {
         what: "sun rays from surfaces that are turned away from the sun, or with nothing between them and it".into(),
         why: "proved per block of 8 x 8 pixels and facet; the manifest counts them".into(),
@@ -99,4 +89,12 @@ pub(super) fn run_skips(
         });
     }
     skips
+}
+
+/// Times of a run at which nothing shines.
+pub(crate) fn dark_skip(dark: usize, n_times: usize) -> Option<Skip> {
+    (dark > 0).then(|| Skip {
+        what: format!("sun and sky at {dark} of {n_times} times"),
+        why: "the sun is below the horizon".into(),
+    })
 }
