@@ -74,15 +74,17 @@ impl Run {
         let pixels: usize = blocks.iter().map(|block| (block.width * block.height) as usize).sum();
         let all = f64::from(self.pixels.0) * f64::from(self.pixels.1);
         let scale = all / pixels.max(1) as f64 * f64::from(samples) / f64::from(taken);
-        let whole = |count: u64| count as f64 * scale;
-        let of_times = |count: u64| whole(count) / n_times.max(1) as f64;
+        // Paths are traced anew for each part of the times.
+        let parts = self.parts().count() as f64;
+        let whole = |count: u64| count as f64 * scale * parts;
+        let of_times = |count: u64| count as f64 * scale / n_times.max(1) as f64;
         Forecast {
             pixels,
             samples,
-            camera: all * f64::from(samples + 1),
+            camera: all * f64::from(samples + 1) * parts,
             hemisphere: whole(rays.hemisphere),
             mirror: whole(rays.mirror),
-            trace_cpu_s: spent.shared * scale,
+            trace_cpu_s: spent.shared * scale * parts,
             sun_per_time: of_times(rays.sun),
             caustic_per_time: of_times(rays.caustic),
             sun_skipped_per_time: of_times(rays.sun_turned_away + rays.sun_proved_clear),

@@ -289,27 +289,29 @@ impl Plan {
         &self.runs
     }
 
-    /// What is solved and rendered together: runs with some of their times. One part where the light of all is kept.
-    pub fn parts(&self) -> Vec<Vec<(&Run, Range<usize>)>> {
+    /// What is solved and rendered together: runs, by their places, each with some of its times. One part where the light of all
+    /// is kept.
+    pub fn parts(&self) -> Vec<Vec<(usize, Range<usize>)>> {
         let n = self.runs.iter().flat_map(|run| &run.parts).map(|(part, _)| part + 1).max().unwrap_or(0);
         let mut parts = vec![Vec::new(); n];
-        for run in &self.runs {
-            run.parts.iter().for_each(|(part, times)| parts[*part].push((run, times.clone())));
+        for (i, run) in self.runs.iter().enumerate() {
+            run.parts.iter().for_each(|(part, times)| parts[*part].push((i, times.clone())));
         }
         parts
     }
 
-    /// Runs at some of their times under their light, each sky solved once.
-    pub(crate) fn lit<'p>(&self, part: &[(&'p Run, Range<usize>)]) -> Vec<Lit<'p>> {
-        let dark: Vec<_> = part.iter().filter(|(run, _)| run.kept.is_none()).collect();
-        let asked: Vec<_> = dark.iter().map(|(run, times)| (&run.sky, times.clone())).collect();
-        let mut solved = light::solve(&asked).into_iter();
-        (part.iter())
+    /// Runs of a part under their light, each sky solved once.
+    pub(crate) fn lit(&self, part: &[(usize, Range<usize>)]) -> Vec<Lit<'_>> {
+        let runs = || part.iter().map(|(i, times)| (&self.runs[*i], times.clone()));
+        let dark: Vec<_> = runs().filter(|(run, _)| run.kept.is_none()).collect();
+        let mut solved =
+            light::solve(&dark.iter().map(|(run, times)| (&run.sky, times.clone())).collect::<Vec<_>>()).into_iter();
+        runs()
             .map(|(run, times)| match run.kept {
-                Some(_) => run.lit_at(times.clone()),
+                Some(_) => run.lit_at(times),
                 None => {
                     let light = solved.next().expect("light of each run that keeps none");
-                    Lit::new(run, times.clone(), Arc::new(Light::new(run, light)))
+                    Lit::new(run, times, Arc::new(Light::new(run, light)))
                 }
             })
             .collect()

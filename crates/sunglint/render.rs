@@ -163,24 +163,21 @@ pub fn render(plan: &Plan, out: &Path, progress: &dyn Progress) -> Result<Vec<Re
     for work in works.iter_mut().filter(|work| is_up_to_date(work.run, &work.rendered.folder)) {
         work.finish_unchanged(progress);
     }
-    let at = |works: &[Work<'_>], run: &Run| works.iter().position(|work| std::ptr::eq(work.run, run)).unwrap_or(0);
     let mut air_seconds = plan.air_seconds;
     for mut part in plan.parts() {
-        part.retain(|(run, _)| !works[at(&works, run)].is_finished);
+        part.retain(|(run, _)| !works[*run].is_finished);
         let solving = Instant::now();
         let lits = plan.lit(&part);
         air_seconds += solving.elapsed().as_secs_f64();
         for group in traced_together(&lits) {
-            let finished = render_group(&group, out, progress)?;
-            for (lit, finished) in group.iter().zip(finished) {
-                let work = at(&works, lit.run);
-                works[work].add(lit, finished);
-            }
-            for lit in &group {
-                let work = at(&works, lit.run);
-                if lit.times.end == lit.run.moments.len() {
-                    works[work].write(plan, air_seconds, out)?;
-                    progress.end(lit.run, &works[work].rendered);
+            let of_group: Vec<&Lit<'_>> = group.iter().map(|i| &lits[*i]).collect();
+            let taken = render_group(&of_group, out, progress)?;
+            group.iter().zip(taken).for_each(|(i, taken)| works[part[*i].0].add(&lits[*i], taken));
+            for i in group {
+                let work = &mut works[part[i].0];
+                if lits[i].times.end == work.run.moments.len() {
+                    work.write(plan, air_seconds, out)?;
+                    progress.end(work.run, &work.rendered);
                 }
             }
         }
@@ -200,7 +197,7 @@ fn folder_of(run: &Run, out: &Path) -> PathBuf {
 struct Work<'a> {
     run: &'a Run,
     store: TileStore,
-    /// The times of each part whose tiles are finished, and their light.
+    /// The times of each part whose tiles are finished, and the light of these times.
     parts: Vec<Range<usize>>,
     light: Vec<BandLight>,
     rendered: Rendered,

@@ -198,20 +198,23 @@ pub(crate) fn solve(air: ColumnAir, suns: &[Sun], needs: &Needs, settings: &Sett
     by_ground
 }
 
-/// About how many bytes one solved sky keeps at `n` entries, its column's included: terms at the nodes, and for lines of sight
-/// the fields of the columns, all entries' own where radiances are solved `everywhere`, and sources near the ground.
+/// About how many bytes one solved sky keeps at `n` entries: terms at the nodes, and for lines of sight the fields of the
+/// columns, all entries' own where radiances are solved `everywhere`, and sources near the ground. With what the layers have at
+/// each entry, since every time may have its own air.
 pub(crate) fn sky_bytes(n: usize, everywhere: bool, needs: &Needs) -> usize {
-    /// Spectra, and what the column's layers have at each entry.
+    /// Spectra, those of the layers included.
     const SPECTRA: usize = 5 + 3 * 32;
-    /// Columns of a ladder, values of a field with its depths to the sun, and directions near the ground that a view asks for.
+    /// Columns of a ladder, values of a field with its depths to the sun up to a kilometre and further, and directions near the
+    /// ground that a view asks for.
     const COLUMNS: usize = 64;
-    const FIELD: usize = 2048;
+    const FIELD: [usize; 2] = [2048, 7168];
     const NEAR: usize = 64;
     let nodes = 2 * (1 + (ZENITHS.len() - 1) * AZIMUTHS.len());
     let sky = if needs.directional_sky { n * nodes } else { 0 };
     let near = (NEAR_ZENITHS + 1) * NEAR_AZIMUTHS * size_of::<OnceLock<Vec<Source>>>();
     let columns = if everywhere { n } else { COLUMNS };
-    let path = if needs.path { columns * FIELD + n * NEAR * 2 } else { 0 };
+    let is_high = needs.path_heights.is_none_or(|(_, high)| high > 1e3);
+    let path = if needs.path { columns * FIELD[usize::from(is_high)] + 2 * n * NEAR } else { 0 };
     size_of::<f64>() * (n * SPECTRA + sky + path) + near
 }
 

@@ -203,6 +203,12 @@ fn text(plan: &Plan, forecasts: &[Option<Forecast>]) -> String {
             run.moments.len(),
             if run.moments.len() == 1 { "" } else { "s" },
         );
+        if let (n @ 2.., Some(most)) = (run.parts().count(), run.parts().map(|times| times.len()).max()) {
+            out += &format!(
+                "  in {n} parts of up to {}: the air of all times is more than memory is given to; paths are traced anew for each\n",
+                count(most, "time"),
+            );
+        }
         if let Some(map) = &run.map {
             let ((width, height), turned) = (map.pixel_size(), map.rotation_deg());
             let turned = if turned == 0.0 { String::new() } else { format!(", its top at {turned:.3} deg") };
@@ -293,6 +299,7 @@ fn to_json(plan: &Plan, forecasts: &[Option<Forecast>]) -> Value {
                 "time_s": run.budget,
                 "grid_entries": run.grid.len(),
                 "columns_solved": run.columns_solved,
+                "parts": run.parts().count(),
                 "models": run.models,
                 "map": map_json(run),
                 "shares": sharing_json(&sharing),

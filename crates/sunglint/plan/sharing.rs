@@ -98,16 +98,16 @@ impl Run {
     }
 }
 
-/// Runs under light by what is traced: those of one group [trace the same paths](Run::traces_as). A sweep of very many is traced in
-/// several groups, so that the tiles of one stay few.
-pub(crate) fn traced_together<'l, 'p>(lits: &'l [Lit<'p>]) -> Vec<Vec<&'l Lit<'p>>> {
-    let images = |lit: &Lit| lit.times.len() * lit.run.traced.len();
-    let fits = |group: &[&Lit], lit| group.iter().map(|own| images(own)).sum::<usize>() + images(lit) <= MOST_IMAGES;
-    let mut groups: Vec<Vec<&Lit>> = Vec::new();
-    for lit in lits {
-        match groups.iter_mut().find(|group| group[0].run.traces_as(lit.run) && fits(group, lit)) {
-            Some(group) => group.push(lit),
-            None => groups.push(vec![lit]),
+/// Runs under light, by their places, by what is traced: those of one group [trace the same paths](Run::traces_as). A sweep of very
+/// many is traced in several groups, so that the tiles of one stay few.
+pub(crate) fn traced_together(lits: &[Lit<'_>]) -> Vec<Vec<usize>> {
+    let images = |i: usize| lits[i].times.len() * lits[i].run.traced.len();
+    let fits = |group: &[usize], i| group.iter().map(|own| images(*own)).sum::<usize>() + images(i) <= MOST_IMAGES;
+    let mut groups: Vec<Vec<usize>> = Vec::new();
+    for (i, lit) in lits.iter().enumerate() {
+        match groups.iter_mut().find(|group| lits[group[0]].run.traces_as(lit.run) && fits(group, i)) {
+            Some(group) => group.push(i),
+            None => groups.push(vec![i]),
         }
     }
     groups
@@ -136,8 +136,8 @@ impl Plan {
         };
         let of_sensor = || others().filter(|other| other.sensor == run.sensor);
         let pixels = u64::from(run.pixels.0) * u64::from(run.pixels.1);
-        // One more through the middle of each pixel, for the truth maps.
-        let rays = |samples: u32| pixels * u64::from(samples.next_multiple_of(16) + 1);
+        // One more through the middle of each pixel, for the truth maps; all anew for each part of the times.
+        let rays = |samples: u32| pixels * u64::from(samples.next_multiple_of(16) + 1) * run.parts().count() as u64;
         let camera_rays = match run.accuracy {
             Accuracy::Samples(n) if run.budget.is_none() => rays(n)..=rays(n),
             Accuracy::Samples(least) => rays(least)..=u64::MAX,
