@@ -205,7 +205,7 @@ fn text(plan: &Plan, forecasts: &[Option<Forecast>]) -> String {
         );
         if let (n @ 2.., Some(most)) = (run.parts().count(), run.parts().map(|times| times.len()).max()) {
             out += &format!(
-                "  in {n} parts of up to {}: the air of all times is more than memory is given to; paths are traced anew for each\n",
+                "  in {n} parts of up to {}: the light of all is more than is kept at a time; paths are traced anew for each\n",
                 count(most, "time"),
             );
         }
