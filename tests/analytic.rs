@@ -5,6 +5,8 @@
 //! errors, as the frames themselves state them. `cargo test --release --test analytic -- --nocapture` prints the
 //! deviations.
 
+#[path = "analytic/cached.rs"]
+mod cached;
 #[path = "analytic/full.rs"]
 mod full;
 #[path = "analytic/pose.rs"]
@@ -1152,7 +1154,9 @@ fn frames_do_not_depend_on_threads_or_on_the_order_of_tiles() {
           samples 32
         }
         experiment asked { algorithm split, error 3 % }
-        experiment shared_out { algorithm split, error 3 % over image }",
+        experiment shared_out { algorithm split, error 3 % over image }
+        experiment between_points { algorithm full { indirect cached }, samples 16 }
+        experiment between_more { algorithm full { indirect cached }, error 3 % over image }",
     );
     for run in plan.runs() {
         let on = |threads: usize| {

@@ -66,6 +66,29 @@ fn a_crop_keeps_the_samples_that_a_pilot_chose() {
     }
 }
 
+/// Points between which sky and background are interpolated are the same whichever pixel asks first, under a count and under an
+/// error.
+#[test]
+fn a_crop_takes_the_points_of_the_whole_view() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let scene = folder.path().join("cached.glint");
+    let truth = std::fs::canonicalize(TRUTH).expect("the example");
+    for accuracy in ["samples 16", "error 6 %"] {
+        let text = format!(
+            "glint 1\ninclude {truth:?}\nexperiment cached {{ algorithm full {{ indirect cached }}, {accuracy} }}\n"
+        );
+        std::fs::write(&scene, text).expect("a scene");
+        let scene = scene.to_str().expect("UTF-8");
+        let only = ["experiment=cached", "time=1992-06-18T170100Z", "band=red"];
+        let plan = |only: &[&str]| plan(scene, only, (70, 52), None);
+        let whole = plan(&only).runs()[0].render();
+        let part = plan(&[&only[..], &["crop=33,17,21x14"]].concat()).runs()[0].render();
+        for (whole, part) in images(&whole).into_iter().zip(images(&part)) {
+            assert!(bits(&cut(whole, 70, (33, 17, 21, 14))) == bits(part), "{accuracy}");
+        }
+    }
+}
+
 /// Bands overlap (blue and green, red and nir): a band that is rendered alone keeps its bins, and a time its samples.
 #[test]
 fn a_band_or_a_time_alone_is_what_it_is_among_the_others() {

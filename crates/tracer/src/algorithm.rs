@@ -1,10 +1,9 @@
 //! What a radiance algorithm is.
 
 use sunglint_atmosphere::Needs;
-use sunglint_geometry::Ray;
 use sunglint_plugin::Model;
 
-use crate::{Paths, Scenery, Stream};
+use crate::{Paths, Scenery, Sight, Stream};
 
 /// How an algorithm wants its paths lit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,7 +31,7 @@ pub trait Algorithm: Send + Sync {
     fn traced_by(&self) -> String;
 
     /// Traces one sample along `sight` and appends it to `paths`.
-    fn trace(&self, scenery: &Scenery, sight: &Ray, replicate: u8, stream: &mut Stream, paths: &mut Paths);
+    fn trace(&self, scenery: &Scenery, sight: &Sight<'_>, replicate: u8, stream: &mut Stream, paths: &mut Paths);
 
     /// What it will not compute for this scenery and why, one line each, for the plan.
     fn skips(&self, scenery: &Scenery) -> Vec<String>;
@@ -56,6 +55,7 @@ pub const EXACT: &[(&str, &str)] = &[
     ("glint", "conserving"),
     ("sun", "disk"),
     ("depth", "unlimited"),
+    ("indirect", "sampled"),
     ("spectral", "wavelength"),
     ("adjacency", "on"),
     ("caustics", "on"),

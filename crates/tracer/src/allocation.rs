@@ -1,7 +1,8 @@
 //! How many samples each pixel takes: its first ones tell, of it and of those around.
 
+use smallvec::SmallVec;
 use sunglint_geometry::{FacetId, MaterialId};
-use sunglint_radiometry::REPLICATES;
+use sunglint_radiometry::{REPLICATES, estimate};
 
 use crate::Accuracy;
 use crate::paths::{Paths, RayCounts};
@@ -46,14 +47,22 @@ impl First {
         let facet = |sample: usize| Some(paths.vertices[paths.samples[sample].vertex? as usize].hit.facet);
         let facets = traced.iter().map(|pixel| std::array::from_fn(|r| facet(pixel.samples.start + r))).collect();
         let sky_views = traced.iter().map(|pixel| mean_sky_view(paths, pixel)).collect();
-        let lightable = Lightable::new(view, &traced, lattice, paths, view.times.len(), false);
         let mut rays = RayCounts::default();
+        if let Some(cache) = &mut paths.cache {
+            let clock = watch.clock;
+            cache.light(std::slice::from_ref(view), lattice, false, clock, |_, t, own, begun| {
+                rays += own;
+                watch.add(t, begun);
+            });
+            rays += cache.rays();
+        }
+        let lightable = Lightable::new(view, &traced, lattice, paths, view.times.len(), false, false);
         let mut last = LastSun::default();
         let times = (view.times.iter().enumerate())
             .map(|(t, time)| {
                 let begun = (watch.clock)();
                 let mut of_time = Vec::with_capacity(traced.len());
-                rays += lightable.light(view, time, &mut last, |_, radiance| of_time.push(radiance));
+                rays += lightable.light(view, time, &mut last, Some((0, t)), |_, radiance| of_time.push(radiance));
                 watch.add(t, begun);
                 of_time
             })
@@ -84,7 +93,7 @@ impl First {
                             }
                             None => {
                                 let wanted = relative * own.mean.max(floor.unwrap_or(0.01 * mean));
-                                let allowed = REPLICATES as f64 * wanted * wanted;
+                                let allowed = beside(REPLICATES as f64 * wanted * wanted, own.shared);
                                 if allowed > 0.0 { needed(own, allowed) } else { 1.0 }
                             }
                         };
@@ -105,7 +114,15 @@ impl First {
                 (facets[r], radiance.lit[r] > 0.5)
             });
             let unseen = radiance.unseen[half][c];
-            Seen { unseen, ..Seen::new(&radiance.radiance[c][replicates.clone()], &kinds) }
+            let values = &radiance.radiance[c][replicates.clone()];
+            let Some(noise) = radiance.cache_noise.get(c).map(|noise| &noise[replicates.clone()]) else {
+                return Seen { unseen, ..Seen::new(values, &kinds) };
+            };
+            // More samples of a pixel do not lower the noise of points that others share.
+            let own: SmallVec<[f64; REPLICATES]> =
+                values.iter().zip(noise).map(|(value, noise)| value - noise).collect();
+            let shared = estimate(noise).standard_error.powi(2) * noise.len() as f64;
+            Seen { unseen, shared, ..Seen::new(&own, &kinds) }
         };
         self.times[t].iter().zip(&self.facets).map(of_pixel).collect()
     }
@@ -140,6 +157,8 @@ struct Seen {
     /// Variance of one sample on a facet in the sun or in the shade, and what edges between these add to it.
     within: f64,
     between: f64,
+    /// Variance between replicates that points of the cache bring, whatever the number of samples.
+    shared: f64,
     /// What none of them met where a ray might be stopped; see [`missed`].
     unseen: f64,
 }
@@ -161,8 +180,14 @@ impl Seen {
         }
         // As many kinds as samples: nothing can be told of either.
         let within = if n - groups >= 3.0 { (squares / (n - groups)).min(whole) } else { whole };
-        Self { mean, within, between: whole - within, unseen: 0.0 }
+        Self { mean, within, between: whole - within, shared: 0.0, unseen: 0.0 }
     }
+}
+
+/// What is left of an allowed variance beside one that samples do not lower: no less than a quarter, since more of them would be
+/// spent in vain.
+fn beside(allowed: f64, shared: f64) -> f64 {
+    (allowed - shared).max(0.25 * allowed)
 }
 
 /// W/n + B/n^1.5, what n samples a replicate leave: scattered points average what varies on a facet, and the points of one
@@ -272,19 +297,24 @@ impl Worth {
             let floor = floor.unwrap_or(0.01 * mean);
             let scaled = |seen: &Seen| {
                 let scale = REPLICATES as f64 * seen.mean.max(floor).powi(2);
-                if scale > 0.0 { (seen.within / scale, seen.between / scale) } else { (0.0, 0.0) }
+                [seen.within, seen.between, seen.shared].map(|part| if scale > 0.0 { part / scale } else { 0.0 })
             };
-            Told { floor, pixels: seen.iter().map(|(chooses, tells)| (scaled(chooses), scaled(tells))).collect() }
+            let shared = seen.iter().map(|(_, tells)| scaled(tells)[2]).sum::<f64>() / seen.len().max(1) as f64;
+            let two = |seen: &Seen| (scaled(seen)[0], scaled(seen)[1]);
+            Told { floor, shared, pixels: seen.iter().map(|(chooses, tells)| (two(chooses), two(tells))).collect() }
         };
         let told: Vec<Told> = seen.into_iter().map(of).collect();
         let wanted = relative * relative;
         // What each channel of each time would pay alone, then all by the same factor less, since the worst of them chooses.
-        let own: Vec<f64> = told.iter().map(|of| dearest(wanted, |least| of.left(|i| of.count(i, least)))).collect();
+        let own: Vec<f64> = (told.iter())
+            .map(|of| dearest(beside(wanted, of.shared), |least| of.left(|i| of.count(i, least))))
+            .collect();
         let factor = dearest(wanted, |factor| {
             let n_pixels = told.first().map_or(0, |of| of.pixels.len());
             let of_pixel = |i| told.iter().zip(&own).map(|(of, least)| of.count(i, factor * least)).fold(1.0, f64::max);
             let counts: Vec<f64> = (0..n_pixels).map(of_pixel).collect();
-            told.iter().map(|of| of.left(|i| counts[i])).fold(0.0, f64::max)
+            let left = |of: &Told| of.left(|i| counts[i]) * (wanted / beside(wanted, of.shared));
+            told.iter().map(left).fold(0.0, f64::max)
         });
         let price = |(of, least): (&Told, &f64)| Price { floor: of.floor, least: factor * least };
         Some(Self { of: told.iter().zip(&own).map(price).collect() })
@@ -294,6 +324,8 @@ impl Worth {
 /// What some pixels tell of one channel at one time.
 struct Told {
     floor: f64,
+    /// Mean square that samples do not lower.
+    shared: f64,
     /// Relative W and B by which a pixel chooses, neighbours heard, and those that the other half of its replicates tells.
     pixels: Vec<((f64, f64), (f64, f64))>,
 }
@@ -329,7 +361,10 @@ mod tests {
         assert_eq!((seen.mean, seen.within), (2.0, 0.0));
         assert!((seen.between - 8.0 / 7.0).abs() < 1e-12);
         let one = vec![None::<FacetId>; 8];
-        assert_eq!(Seen::new(&values, &one), Seen { mean: 2.0, within: 8.0 / 7.0, between: 0.0, unseen: 0.0 });
+        assert_eq!(
+            Seen::new(&values, &one),
+            Seen { mean: 2.0, within: 8.0 / 7.0, between: 0.0, shared: 0.0, unseen: 0.0 }
+        );
         let each: Vec<Option<FacetId>> = (0..8).map(|i| Some(FacetId(i))).collect();
         assert_eq!(Seen::new(&values, &each).between, 0.0);
     }
@@ -346,7 +381,7 @@ mod tests {
 
     #[test]
     fn as_many_samples_are_needed_as_bring_the_variance_down() {
-        let needed = |within, between, unseen| needed(&Seen { mean: 1.0, within, between, unseen }, 1.0);
+        let needed = |within, between, unseen| needed(&Seen { mean: 1.0, within, between, shared: 0.0, unseen }, 1.0);
         assert_eq!(needed(0.5, 0.4, 0.0), 1.0);
         assert!((needed(100.0, 0.0, 0.0) - 100.0).abs() < 1e-6);
         assert!((needed(0.0, 1000.0, 0.0) - 100.0).abs() < 1e-6);

@@ -19,18 +19,19 @@ use std::f64::consts::PI;
 use std::sync::Arc;
 
 use sunglint_atmosphere::Needs;
-use sunglint_geometry::{Hit, Ray};
+use sunglint_geometry::Hit;
 use sunglint_plugin::{Args, BindError, Default, Model, ModelInfo, Param};
-use sunglint_radiometry::{Frame, LocalDir, WorldDir};
+use sunglint_radiometry::{Frame, LocalDir, REPLICATES, WorldDir};
 use sunglint_reflectance::Lobes;
 
 use crate::algorithm::{Algorithm, Lighting};
 use crate::hemisphere::{above_horizon, below_horizon, hemisphere_direction, open_sky_view};
+use crate::irradiance_cache::{Gathered, Place};
 use crate::paths::{ONE, Paths, Room, Sample, Source, SpectrumId};
 use crate::pixel::Term;
 use crate::published::SPECTRAL;
 use crate::sampler::concentric_disk;
-use crate::{Scenery, Stream, Surface};
+use crate::{Scenery, Sight, Stream, Surface};
 
 /// A path is played with Russian roulette where less than one over this is left of what it began with: what survives weighs
 /// no more than that, and is not rare where it counts.
@@ -52,6 +53,7 @@ struct Full {
     band_means: bool,
     adjacency: bool,
     caustics: bool,
+    cached: bool,
 }
 
 /// `full`: the exact integral.
@@ -67,6 +69,12 @@ pub const FULL: Model<dyn Algorithm> = Model {
             Param::word("sky", &["directional", "isotropic"], Default::Word("directional"), "L_d(θ, φ), or its mean"),
             SPECTRAL,
             Param::switch("adjacency", true, "the ground's albedo brightens the sky"),
+            Param::word(
+                "indirect",
+                &["sampled", "cached"],
+                Default::Word("sampled"),
+                "sky and background over Lambertian surfaces: by every sample, or interpolated",
+            ),
             Param::switch("caustics", true, "the sun by way of mirrors onto other surfaces"),
         ],
     },
@@ -82,6 +90,7 @@ fn bind(args: &Args, _: &sunglint_radiometry::SpectralGrid) -> Result<Arc<dyn Al
         band_means: args.word("spectral") == Some("band"),
         adjacency: args.switch("adjacency").unwrap_or(true),
         caustics: args.switch("caustics").unwrap_or(true),
+        cached: args.word("indirect") == Some("cached"),
     }))
 }
 
@@ -127,6 +136,7 @@ impl Step {
 /// A path as it is traced.
 struct Walk<'a> {
     scenery: &'a Scenery,
+    sight: Sight<'a>,
     id: u32,
     room: Room,
 }
@@ -174,8 +184,9 @@ impl Algorithm for Full {
         )]
     }
 
-    fn trace(&self, scenery: &Scenery, sight: &Ray, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
+    fn trace(&self, scenery: &Scenery, sight: &Sight<'_>, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
         let id = paths.samples.len() as u32;
+        let (line, sight) = (*sight, &sight.ray);
         let Some(hit) = paths.seen(&scenery.world, sight) else {
             paths.samples.push(Sample::new(replicate, None, 0.0, 0.0));
             if self.directional_sky || sight.direction.cos_zenith() <= 0.0 {
@@ -191,7 +202,7 @@ impl Algorithm for Full {
         paths.samples.push(Sample::new(replicate, Some(vertex), hit.t, f64::NAN));
         let past = Past { straight: true, mirrors: 0, by_lobe: false };
         let first = Step { hit, outgoing: -sight.direction, spectrum: ONE, weight: 1.0, begun: 1.0, depth: 1, past };
-        let mut walk = Walk { scenery, id, room: std::mem::take(&mut paths.room) };
+        let mut walk = Walk { scenery, sight: line, id, room: std::mem::take(&mut paths.room) };
         walk.room.waiting.push(first);
         while let Some(step) = walk.room.waiting.pop() {
             self.scatter(&mut walk, &step, stream, paths);
@@ -250,7 +261,9 @@ impl Full {
             if lobes.mirror {
                 self.mirror(walk, step, surface, outgoing, 1.0, stream, paths);
             }
-            if let Some(spectrum) = of_even {
+            if let Some(spectrum) = of_even
+                && !(self.cached && self.from_cache(walk, step, paths))
+            {
                 self.open(walk, step, vertex, spectrum, stream, paths);
             }
             if has_rest {
@@ -305,6 +318,61 @@ impl Full {
     fn record_sky(&self, id: u32, step: &Step, direction: WorldDir, term: Term, paths: &mut Paths) {
         let source = if self.directional_sky { Source::Sky { direction, seen: None } } else { Source::MeanSky };
         paths.record(id, step.spectrum, source, step.weight, term);
+    }
+
+    /// What the Lambertian part of what the sensor sees takes of sky and background from points around it; false where it is to look
+    /// for itself.
+    fn from_cache(&self, walk: &mut Walk<'_>, step: &Step, paths: &mut Paths) -> bool {
+        let hit = &step.hit;
+        let world = &walk.scenery.world;
+        // Without a background nothing tells how near things are; over open level facets the sky has a closed form.
+        let is_closed = hit.normal.z == 1.0 && world.is_open(hit.facet, hit.front);
+        if step.depth > 1 || !self.goes_on(1) || is_closed {
+            return false;
+        }
+        let Some(squares) = paths.horizons.squares(hit, step.outgoing) else { return false };
+        let Some(mut cache) = paths.cache.take() else { return false };
+        let n_nodes = walk.room.rho.len();
+        let gather = |place: &Place<'_>, paths: &mut Paths| self.gather(walk.scenery, place, paths);
+        let taken = cache.take(world, hit, (walk.id, squares, &walk.sight), n_nodes, gather);
+        paths.cache = Some(cache);
+        let Some((taken, sky_view)) = taken else { return false };
+        paths.taken.push(taken);
+        paths.samples[walk.id as usize].sky_view = sky_view;
+        true
+    }
+
+    /// Looks from a point of a facet, for all that will be interpolated there.
+    fn gather(&self, scenery: &Scenery, place: &Place<'_>, paths: &mut Paths) -> Gathered {
+        let Place { hit, sight, numbers: [seed, view, stream], each } = *place;
+        let past = Past { straight: true, mirrors: 0, by_lobe: false };
+        let outgoing = -sight.ray.direction;
+        let first = Step { hit, outgoing, spectrum: ONE, weight: 1.0, begun: 1.0, depth: 1, past };
+        let mut walk = Walk { scenery, sight, id: 0, room: std::mem::take(&mut paths.room) };
+        scenery.surface(hit.material).bsdf.lambertian(Frame::about(hit.normal).to_local(outgoing), &mut walk.room.rho);
+        let rho = &walk.room.rho;
+        let spectrum = paths.times(ONE, |q| rho[q]);
+        let (mut gathered, n) = (Gathered::default(), REPLICATES as f64 * f64::from(each));
+        // Replicates take their turns in one sequence: all together fill the hemisphere more evenly than each alone.
+        let numbers = Stream::new(seed, view, stream, 0, 0);
+        for replicate in 0..REPLICATES as u32 {
+            for i in 0..each {
+                let mut stream = numbers.at(replicate * each + i);
+                walk.id = paths.samples.len() as u32;
+                let vertex = paths.vertex(hit, true, stream.later());
+                paths.samples.push(Sample::new(replicate as u8, Some(vertex), hit.t, 0.0));
+                self.open(&mut walk, &first, vertex, spectrum, &mut stream, paths);
+                gathered.sky_view += paths.samples[walk.id as usize].sky_view / n;
+                // What was met waits to be scattered at.
+                let near = walk.room.waiting.iter().map(|next| next.weight.abs() / next.hit.t).sum::<f64>();
+                gathered.nearness += near / n;
+                while let Some(step) = walk.room.waiting.pop() {
+                    self.scatter(&mut walk, &step, &mut stream, paths);
+                }
+            }
+        }
+        paths.room = walk.room;
+        gathered
     }
 
     /// The Lambertian part of a surface that the sensor sees: the sky above the horizon, and what stands before it or lies

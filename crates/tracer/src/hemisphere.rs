@@ -52,6 +52,26 @@ fn sides(normal: DVec3) -> [DVec3; 2] {
     [down.cross(normal), down]
 }
 
+/// A facet's plane, divided into squares.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Squares {
+    /// Their side \[m\], a power of two.
+    pub side: f64,
+    /// Unit vectors along their sides.
+    pub axes: [DVec3; 2],
+    pub normal: DVec3,
+    /// n·p of the plane.
+    pub offset: f64,
+}
+
+impl Squares {
+    /// The point at (u, v) sides from where the plane is nearest to the origin.
+    pub fn point(&self, [u, v]: [f64; 2]) -> DVec3 {
+        let [strike, down] = self.axes;
+        self.side * (u * strike + v * down) + self.offset * self.normal
+    }
+}
+
 /// A patch: facet and side, the power of two that its side is, and its place among those.
 type PatchKey = (FacetId, bool, i32, i64, i64);
 
@@ -119,15 +139,20 @@ impl Horizons {
         self.facets.iter().find(is_own).map(|(.., offset)| *offset)
     }
 
-    /// That of the patch about a hit seen from `outgoing`; `None` where it would not be used often enough.
-    pub fn at(&mut self, world: &World, hit: &Hit, outgoing: WorldDir) -> Option<u32> {
+    /// The squares that a facet is divided into where a hit is seen from `outgoing`: as wide as half a block there or up to
+    /// twice that. `None` where the facet fills too little of the block to be worth any.
+    pub fn squares(&self, hit: &Hit, outgoing: WorldDir) -> Option<Squares> {
         let offset = self.plane_of(hit)?;
         let width = self.width * hit.t / hit.normal.dot(outgoing.vec()).max(FLATTEST);
-        if !(1e-100..1e100).contains(&width) {
-            return None;
-        }
         // The power of two above it.
         let side = f64::from_bits(width.to_bits() >> 52 << 52) * 2.0;
+        (1e-100..1e100).contains(&width).then(|| Squares { side, axes: sides(hit.normal), normal: hit.normal, offset })
+    }
+
+    /// That of the patch about a hit seen from `outgoing`; `None` where it would not be used often enough.
+    pub fn at(&mut self, world: &World, hit: &Hit, outgoing: WorldDir) -> Option<u32> {
+        let squares = self.squares(hit, outgoing)?;
+        let Squares { side, axes, .. } = squares;
         let along = |axis: DVec3| axis.dot(hit.point) / side;
         if let Some(last) = &self.last
             && (last.of, last.side) == ((hit.facet, hit.front), side)
@@ -135,13 +160,11 @@ impl Horizons {
         {
             return Some(last.horizon);
         }
-        let axes @ [strike, down] = sides(hit.normal);
         let place @ [u, v] = axes.map(|axis| along(axis).floor());
         let key = (hit.facet, hit.front, (side.to_bits() >> 52) as i32, u as i64, v as i64);
         let horizon = *self.known.entry(key).or_insert_with(|| {
-            let middle = side * ((u + 0.5) * strike + (v + 0.5) * down) + offset * hit.normal;
-            let patch = Patch { middle, half: 0.5 * side, sides: axes, normal: hit.normal };
-            self.all.push(world.horizon(&patch));
+            let middle = squares.point([u + 0.5, v + 0.5]);
+            self.all.push(world.horizon(&Patch { middle, half: 0.5 * side, sides: axes, normal: hit.normal }));
             self.all.len() as u32 - 1
         });
         self.last = Some(Asked { of: (hit.facet, hit.front), side, axes, place, horizon });

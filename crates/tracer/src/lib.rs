@@ -13,6 +13,7 @@ mod full;
 mod gathered;
 mod hemisphere;
 mod illumination;
+mod irradiance_cache;
 mod lamp;
 mod light;
 mod limb;
@@ -45,3 +46,4 @@ pub use render::{
 };
 pub use sampler::Stream;
 pub use scenery::{Scenery, Surface, spectra_of, split_at};
+pub use sightline::Sight;

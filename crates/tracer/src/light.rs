@@ -43,6 +43,7 @@ pub(crate) struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
+    /// With `apart` nothing is proved of points of several pixels together.
     pub fn new(
         scenery: &'a Scenery,
         paths: &'a Paths,
@@ -50,8 +51,9 @@ impl<'a> Block<'a> {
         (channels, nodes): (&'a Channels, &'a Nodes),
         lattice: &'a Lattice<'a>,
         n_times: usize,
+        apart: bool,
     ) -> Self {
-        let (groups, of_vertices) = paths.facet_groups();
+        let (groups, of_vertices) = paths.facet_groups(&pixels, apart);
         let has_caustics = paths.records.iter().any(|record| matches!(record.source, Source::Caustic { .. }));
         let has_scatter = paths.records.iter().any(|record| matches!(record.source, Source::Scatter { .. }));
         let n = if n_times > 1 { paths.vertices.len() } else { 0 };
@@ -263,7 +265,16 @@ impl<'a> BlockLight<'a> {
         let unseen = unseen(self.block, (light, &self.sun), |cluster| &lamps[cluster].0, &self.lights.bare().mean_sky);
         work.lamps = lamps;
         self.work = work;
-        PixelRadiance { radiance, surface: leaving, terms, upwelled, lit, unseen, samples: counts.iter().sum() }
+        PixelRadiance {
+            radiance,
+            surface: leaving,
+            terms,
+            upwelled,
+            lit,
+            cache_noise: Vec::new(),
+            unseen,
+            samples: counts.iter().sum(),
+        }
     }
 
     /// Adds up the records of one pixel under the lamps of its clusters.

@@ -1,11 +1,14 @@
 //! Paths without light: what is kept of a block of pixels so that any time can light it.
 
+use std::ops::Range;
+
 use glam::DVec3;
 use rustc_hash::FxHashMap;
 use sunglint_geometry::{FacetId, Hit, Ray, SoleFacet, World};
 use sunglint_radiometry::{LocalDir, WorldDir};
 
 use crate::hemisphere::Horizons;
+use crate::irradiance_cache::{IrradianceCache, Taken};
 use crate::pixel::Term;
 use crate::sampler::{Pair, concentric_disk};
 
@@ -163,6 +166,9 @@ pub struct Paths {
     pub(crate) vertices: Vec<Vertex>,
     pub(crate) records: Vec<Record>,
     pub(crate) rays: RayCounts,
+    /// What samples take of points of the cache, in the order of the samples.
+    pub(crate) taken: Vec<Taken>,
+    pub(crate) cache: Option<Box<IrradianceCache>>,
     /// Room for steps of a path that wait, and for two spectra.
     pub(crate) room: Room,
     /// The facet that the lines of sight of the block that is traced meet, where it is one.
@@ -188,6 +194,8 @@ impl Paths {
             vertices: Vec::new(),
             records: Vec::new(),
             rays: RayCounts::default(),
+            taken: Vec::new(),
+            cache: None,
             room: Room { waiting: Vec::new(), rho: vec![0.0; n_nodes], f: vec![0.0; n_nodes] },
             sole: None,
             horizons: Horizons::default(),
@@ -200,6 +208,7 @@ impl Paths {
         self.samples.clear();
         self.vertices.clear();
         self.records.clear();
+        self.taken.clear();
         self.spectra.truncate(self.n_nodes);
     }
 
@@ -209,6 +218,7 @@ impl Paths {
             + size_of_val(&self.records[..])
             + size_of_val(&self.vertices[..])
             + size_of_val(&self.samples[..])
+            + size_of_val(&self.taken[..])
     }
 
     /// What a line of sight meets.
@@ -279,16 +289,18 @@ pub(crate) struct FacetGroup {
 
 impl Paths {
     /// Vertices by facet and side, first surfaces of a path apart from later ones, in order of first appearance; and the group
-    /// of each vertex.
-    pub(crate) fn facet_groups(&self) -> (Vec<FacetGroup>, Vec<u32>) {
-        let mut index: FxHashMap<(FacetId, bool, bool), usize> = FxHashMap::default();
+    /// of each vertex. With `apart` those of each pixel by themselves.
+    pub(crate) fn facet_groups(&self, pixels: &[Range<usize>], apart: bool) -> (Vec<FacetGroup>, Vec<u32>) {
+        let mut index: FxHashMap<(FacetId, bool, bool, usize), usize> = FxHashMap::default();
         let mut groups: Vec<FacetGroup> = Vec::new();
         let mut of_vertices = Vec::with_capacity(self.vertices.len());
         // Most follow one of their own kind.
         let mut last = None;
-        for (i, vertex) in self.vertices.iter().enumerate() {
+        let of_pixels = pixels.iter().enumerate().flat_map(|(pixel, own)| own.clone().map(move |i| (pixel, i)));
+        for (pixel, i) in of_pixels {
+            let vertex = &self.vertices[i];
             let hit = &vertex.hit;
-            let key = (hit.facet, hit.front, vertex.first);
+            let key = (hit.facet, hit.front, vertex.first, if apart { pixel } else { 0 });
             let known = last.filter(|(last, _)| *last == key).map(|(_, at)| at);
             let at = known.unwrap_or_else(|| {
                 *index.entry(key).or_insert_with(|| {

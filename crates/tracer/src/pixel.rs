@@ -69,6 +69,8 @@ pub(crate) struct PixelRadiance {
     pub upwelled: Vec<f64>,
     /// I_t per replicate: the share of its samples whose first surface the sun lights.
     pub lit: [f64; REPLICATES],
+    /// What of `radiance` is noise of points that many pixels share, by channel and replicate; empty where there are none.
+    pub cache_noise: Vec<[f64; REPLICATES]>,
     /// What its samples may all have missed.
     pub unseen: Unseen,
     /// Samples that it is the mean of.

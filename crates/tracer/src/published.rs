@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use glam::DVec3;
 use sunglint_atmosphere::Needs;
-use sunglint_geometry::{Hit, Ray};
+use sunglint_geometry::Hit;
 use sunglint_plugin::{Args, BindError, Default, Model, ModelInfo, Param};
 use sunglint_radiometry::WorldDir;
 use sunglint_reflectance::{AngularSpectra, Split};
@@ -18,7 +18,7 @@ use crate::hemisphere::{above_horizon, below_horizon, hemisphere_direction, open
 use crate::paths::{GlintLaw, ONE, Paths, Sample, Source, SpectrumId};
 use crate::pixel::Term;
 use crate::sun::half_angle;
-use crate::{Scenery, Stream, Surface};
+use crate::{Scenery, Sight, Stream, Surface};
 
 /// Surfaces after which an unlimited path is played with Russian roulette.
 const ROULETTE_FROM: u32 = 8;
@@ -259,7 +259,8 @@ impl Algorithm for Published {
         )]
     }
 
-    fn trace(&self, scenery: &Scenery, sight: &Ray, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
+    fn trace(&self, scenery: &Scenery, sight: &Sight<'_>, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
+        let sight = &sight.ray;
         let id = paths.samples.len() as u32;
         let Some(hit) = paths.seen(&scenery.world, sight) else {
             paths.samples.push(Sample::new(replicate, None, 0.0, 0.0));

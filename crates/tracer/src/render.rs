@@ -8,10 +8,11 @@ use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
 use crate::allocation::{First, Worth};
 use crate::gathered::PixelLight;
+use crate::irradiance_cache::{self, shares_of};
 use crate::light::{Block, BlockLight};
 use crate::paths::{Paths, RayCounts};
 use crate::pixel::{PixelRadiance, Term};
-use crate::sightline::{self, Lattice, Shares};
+use crate::sightline::{self, Lattice, Shares, Sight};
 use crate::sun::LastSun;
 use crate::unseen::half_of;
 use crate::{Algorithm, Lights, Nodes, Scenery, Stream};
@@ -109,6 +110,7 @@ impl View<'_> {
             let middle = |i: usize| (i as f64 + 0.5) / PROBES as f64;
             world.closest(&at(middle(i % PROBES), middle(i / PROBES)))
         });
+        paths.cache.get_or_insert_default().begin(self);
         paths.horizons.begin(world, lattice.pixel_angle() * f64::from(BLOCK), &probes);
         let first = probes[0].map(|hit| hit.facet);
         let is_one = first.is_some() && probes.iter().all(|hit| hit.map(|hit| hit.facet) == first);
@@ -181,16 +183,18 @@ impl TileResult {
 /// A traced pixel within [`Paths`].
 pub(crate) struct PixelPaths {
     /// Where it belongs in the output.
-    index: usize,
-    records: Range<usize>,
+    pub index: usize,
+    pub records: Range<usize>,
     pub samples: Range<usize>,
-    vertices: Range<usize>,
+    pub vertices: Range<usize>,
+    /// What they take of the cache.
+    pub taken: Range<usize>,
     /// How many each replicate has.
-    counts: [u32; REPLICATES],
+    pub counts: [u32; REPLICATES],
     /// Image coordinates of its middle.
-    middle: [f64; 2],
+    pub middle: [f64; 2],
     /// Lines of sight of its clusters of samples; `None` leaves the scene.
-    sights: Vec<Option<Path>>,
+    pub sights: Vec<Option<Path>>,
 }
 
 /// What a tile took, by the clock that it was rendered by.
@@ -358,14 +362,22 @@ impl Target<'_, '_> {
         first: Option<&First>,
     ) {
         let n_times = self.views.iter().map(|view| view.times.len()).sum();
-        let lightable = Lightable::new(&self.views[0], pending, self.lattice, paths, n_times, false);
+        if let Some(cache) = &mut paths.cache {
+            let (clock, out) = (self.out[0].1.clock, &mut *self.out);
+            cache.light(self.views, self.lattice, false, clock, |v, t, rays, begun| {
+                out[v].1.add(t, begun);
+                out[v].0.rays += rays;
+            });
+            out[0].0.rays += cache.rays();
+        }
+        let lightable = Lightable::new(&self.views[0], pending, self.lattice, paths, n_times, false, false);
         let mut last = LastSun::default();
         // Side by side, times of several views may have one sun.
         for t in 0..self.views.iter().map(|view| view.times.len()).max().unwrap_or(0) {
             for (v, view) in self.views.iter().enumerate() {
                 let Some(time) = view.times.get(t) else { continue };
                 let begun = (self.out[v].1.clock)();
-                let rays = lightable.light(view, time, &mut last, |pixel, mut radiance| {
+                let rays = lightable.light(view, time, &mut last, Some((v, t)), |pixel, mut radiance| {
                     let (x, y) = block[pixel.index];
                     if let Some(first) = first {
                         radiance.join(&first.times[t][pixel.index], &pixel.counts);
@@ -411,6 +423,7 @@ pub(crate) fn trace_pixel(
     paths: &mut Paths,
 ) -> PixelPaths {
     let (records, samples, vertices) = (paths.records.len(), paths.samples.len(), paths.vertices.len());
+    let taken = paths.taken.len();
     let key = u64::from(pixel.1) * u64::from(view.pixels.0) + u64::from(pixel.0);
     let mut counts = [0; REPLICATES];
     for (replicate, count) in counts.iter_mut().enumerate() {
@@ -420,15 +433,15 @@ pub(crate) fn trace_pixel(
         for i in range {
             let mut stream = first.at(i);
             let [u, v] = stream.next2();
-            let sight = (view.sight)(f64::from(pixel.0) + u, f64::from(pixel.1) + v);
+            let sight = Sight::new(view.sight, [f64::from(pixel.0) + u, f64::from(pixel.1) + v]);
             view.algorithm.trace(view.scenery, &sight, replicate as u8, &mut stream, paths);
         }
     }
     let (records, samples) = (records..paths.records.len(), samples..paths.samples.len());
-    let vertices = vertices..paths.vertices.len();
+    let (vertices, taken) = (vertices..paths.vertices.len(), taken..paths.taken.len());
     let middle = [f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5];
     let sights = sightline::cluster(paths, samples.clone(), &(view.sight)(middle[0], middle[1]));
-    PixelPaths { index, records, samples, vertices, counts, middle, sights }
+    PixelPaths { index, records, samples, vertices, taken, counts, middle, sights }
 }
 
 fn round_to_replicates(samples: u32) -> u32 {
@@ -445,10 +458,13 @@ pub(crate) fn mean_sky_view(paths: &Paths, pixel: &PixelPaths) -> f64 {
 pub(crate) struct Lightable<'a> {
     block: Block<'a>,
     pixels: Vec<(&'a PixelPaths, PixelLight, Vec<Option<Shares>>)>,
+    /// What they take of the cache.
+    cached: Vec<irradiance_cache::Shares>,
     by_term: bool,
 }
 
 impl<'a> Lightable<'a> {
+    /// With `by_term` the parts of the radiance are kept apart, with `apart` nothing is proved of pixels together.
     pub fn new(
         view: &View<'a>,
         pixels: &'a [PixelPaths],
@@ -456,32 +472,45 @@ impl<'a> Lightable<'a> {
         paths: &'a Paths,
         n_times: usize,
         by_term: bool,
+        apart: bool,
     ) -> Self {
         let vertices = pixels.iter().map(|pixel| pixel.vertices.clone()).collect();
-        let block = Block::new(view.scenery, paths, vertices, (view.channels, view.nodes), lattice, n_times);
+        let block = Block::new(view.scenery, paths, vertices, (view.channels, view.nodes), lattice, n_times, apart);
         let shares = |pixel: &PixelPaths| {
             let of_path = |path: &Path| lattice.shares(pixel.middle, path.length);
             pixel.sights.iter().map(|sight| sight.as_ref().map(of_path)).collect()
         };
-        let pixels = (pixels.iter())
+        let pixels: Vec<_> = (pixels.iter())
             .map(|pixel| (pixel, PixelLight::new(&block, pixel.records.clone(), by_term), shares(pixel)))
             .collect();
-        Self { block, pixels, by_term }
+        let cached = match paths.taken.is_empty() {
+            true => Vec::new(),
+            false => pixels.iter().map(|(pixel, ..)| shares_of(paths, &paths.taken[pixel.taken.clone()])).collect(),
+        };
+        Self { block, pixels, cached, by_term }
     }
 
-    /// Lights the pixels at one time of a view and hands each to `each`.
+    /// Lights the pixels at one time of a view and hands each to `each`; `at` is the place of view and time in the cache.
     pub fn light(
         &self,
         view: &View<'_>,
         time: &Lights,
         last: &mut LastSun,
+        at: Option<(usize, usize)>,
         mut each: impl FnMut(&PixelPaths, PixelRadiance),
     ) -> RayCounts {
         let mut light = BlockLight::new(&self.block, view.algorithm.lighting(), time, last);
-        for (pixel, records, sights) in &self.pixels {
+        let cache = self.block.paths.cache.as_ref().zip(at);
+        // Only who chooses numbers of samples asks.
+        let noise = matches!(view.accuracy, Accuracy::Error { .. });
+        for (i, (pixel, records, sights)) in self.pixels.iter().enumerate() {
             let samples = pixel.samples.clone();
             let counts = &pixel.counts;
-            each(pixel, light.pixel(records, samples, counts, sights, view.surface_radiance, self.by_term));
+            let mut radiance = light.pixel(records, samples, counts, sights, view.surface_radiance, self.by_term);
+            if let (Some((cache, at)), Some(shares)) = (&cache, self.cached.get(i).filter(|own| !own.is_empty())) {
+                cache.add(*at, shares, counts, noise, &mut radiance);
+            }
+            each(pixel, radiance);
         }
         light.rays()
     }
@@ -566,7 +595,14 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         }
     };
     let n_taken = n_samples(&ranges);
-    let traced = [trace_pixel(view, pixel, 0, ranges, &mut paths)];
+    // What the first samples took of the cache was not told by term.
+    paths.cache = None;
+    let view = View { surface_radiance: true, times: std::slice::from_ref(&view.times[time]), ..*view };
+    view.begin(tile, &lattice, &mut paths);
+    let traced = [trace_pixel(&view, pixel, 0, ranges, &mut paths)];
+    if let Some(cache) = &mut paths.cache {
+        cache.light(std::slice::from_ref(&view), &lattice, true, &|| 0.0, |_, _, _, _| {});
+    }
     let samples = &paths.samples[traced[0].samples.clone()];
     let n = samples.len() as f64;
     let share = |q: usize| samples.iter().filter(|sample| usize::from(sample.cluster) == q).count() as f64 / n;
@@ -580,9 +616,8 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         sights: (traced[0].sights.iter().enumerate()).map(|(q, sight)| (*sight, share(q))).collect(),
         samples: n_taken,
     };
-    let view = View { surface_radiance: true, ..*view };
-    let lightable = Lightable::new(&view, &traced, &lattice, &paths, 1, true);
-    lightable.light(&view, &view.times[time], &mut LastSun::default(), |_, lit| {
+    let lightable = Lightable::new(&view, &traced, &lattice, &paths, 1, true, false);
+    lightable.light(&view, &view.times[0], &mut LastSun::default(), Some((0, 0)), |_, lit| {
         out.lit = lit.lit_fraction();
         out.radiance = (0..lit.radiance.len()).map(|c| lit.estimate(c)).collect();
         out.surface = lit.surface.iter().map(|replicates| estimate(replicates)).collect();

@@ -190,6 +190,62 @@ fn path_to(sensor: DVec3, target: DVec3, length: f64, away: WorldDir) -> Path {
     Path { target_height: target.z, sensor_height: sensor.z, length, towards_sensor: towards }
 }
 
+/// A line of sight among those of its view.
+#[derive(Clone, Copy)]
+pub struct Sight<'a> {
+    /// From the sensor.
+    pub ray: Ray,
+    /// Image coordinates (x across, y down, in pixels).
+    pub(crate) place: [f64; 2],
+    lines: &'a (dyn Fn(f64, f64) -> Ray + Sync),
+}
+
+impl<'a> Sight<'a> {
+    /// The one through a place of the image.
+    pub fn new(lines: &'a (dyn Fn(f64, f64) -> Ray + Sync), place: [f64; 2]) -> Self {
+        Self { ray: lines(place[0], place[1]), place, lines }
+    }
+
+    /// The one to a point nearby, at the nearest 64th of a pixel; `None` where none is found, as behind the sensor.
+    pub(crate) fn to(&self, point: DVec3) -> Option<Self> {
+        /// Newton's steps: each squares what lines that are almost even leave.
+        const STEPS: usize = 4;
+        const GRID: f64 = 64.0;
+        let mut place = self.place;
+        let mut wide = 0.0;
+        for _ in 0..STEPS {
+            let (along, away) = across(&(self.lines)(place[0], place[1]), point);
+            if along.is_nan() || along <= 0.0 {
+                return None;
+            }
+            // What a pixel to the side adds to where the line passes the point.
+            let side = |dx: f64, dy: f64| {
+                let at = |s: f64| (self.lines)(place[0] + s * dx, place[1] + s * dy).at(along);
+                at(0.5) - at(-0.5)
+            };
+            let (u, v) = (side(1.0, 0.0), side(0.0, 1.0));
+            let (uu, uv, vv) = (u.dot(u), u.dot(v), v.dot(v));
+            let det = uu * vv - uv * uv;
+            if det.is_nan() || det <= 1e-12 * uu * vv {
+                return None;
+            }
+            let (a, b) = (u.dot(away), v.dot(away));
+            place = [place[0] + (vv * a - uv * b) / det, place[1] + (uu * b - uv * a) / det];
+            wide = uu.max(vv).sqrt();
+        }
+        let found = Self::new(self.lines, place.map(|at| (GRID * at).round() / GRID));
+        let (along, away) = across(&found.ray, point);
+        (along > 0.0 && away.length() <= wide).then_some(found)
+    }
+}
+
+/// How far along a ray a point lies, and what leads from the ray to it.
+fn across(ray: &Ray, point: DVec3) -> (f64, DVec3) {
+    let to = point - ray.origin;
+    let along = to.dot(ray.direction.vec());
+    (along, to - along * ray.direction.vec())
+}
+
 /// Groups a pixel's samples by range and marks each with its group; returns the line of sight of each group, from its
 /// mean hit to the origin of the pixel's middle ray, and `None` for the samples that leave the scene.
 pub(crate) fn cluster(paths: &mut Paths, samples: Range<usize>, middle: &Ray) -> Vec<Option<Path>> {
