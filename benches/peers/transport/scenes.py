@@ -17,6 +17,7 @@ TRUCK = HERE.parents[2] / "examples" / "truth" / "truck.obj"
 SUN_RADIUS = math.radians(0.2666)  # docs/CONVENTIONS.md
 ALGORITHMS = {
     "full": "full {{ sun {sun}, depth {depth}, caustics {caustics} }}",
+    "cached": "full {{ sun {sun}, depth {depth}, caustics {caustics}, indirect cached }}",
     # Every approximation lifted: the whole diffuse exchange, but no caustics.
     "split": "split {{ reading corrected, sky directional, background average, background_sky own, background_lobes all, "
              "glint conserving, sun {sun}, depth {depth} }}",

@@ -262,7 +262,7 @@ impl Full {
                 self.mirror(walk, step, surface, outgoing, 1.0, stream, paths);
             }
             if let Some(spectrum) = of_even
-                && !(self.cached && self.from_cache(walk, step, paths))
+                && !(self.cached && self.between_points(walk, step, paths))
             {
                 self.open(walk, step, vertex, spectrum, stream, paths);
             }
@@ -322,7 +322,7 @@ impl Full {
 
     /// What the Lambertian part of what the sensor sees takes of sky and background from points around it; false where it is to look
     /// for itself.
-    fn from_cache(&self, walk: &mut Walk<'_>, step: &Step, paths: &mut Paths) -> bool {
+    fn between_points(&self, walk: &mut Walk<'_>, step: &Step, paths: &mut Paths) -> bool {
         let hit = &step.hit;
         let world = &walk.scenery.world;
         // Without a background nothing tells how near things are; over open level facets the sky has a closed form.
