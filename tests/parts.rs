@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::Value;
+use sunglint::inspection::air;
 use sunglint::{Options, Plan, Progress, RenderError, Rendered, Run, Tally, check_text, explain, render};
 
 /// Seven times, a night and a sun by its angles among them: experiments under the same air by two algorithms, on the same paths
@@ -170,4 +171,23 @@ fn parts_choose_samples_for_an_error_and_share_those_of_a_time() {
     let timed = rendered[1].timed_samples.expect("a number of samples");
     assert_eq!(rendered[1].tally.samples_per_pixel(), f64::from(timed));
     assert!((rendered[0].tally.samples_per_pixel() / f64::from(mean(&b.samples)) - 1.0).abs() < 1e-4);
+}
+
+/// The air of several sensors is read along the lines of sight of all of them, also of those that stand far above the one whose band is
+/// asked: L_u over 9 km is alike in two bands of which one is a nanometre wider, whether light is kept or not.
+#[test]
+fn the_air_of_one_sensor_reaches_as_high_as_the_others() {
+    let text = "glint 1\ncollect { sun zenith 40 deg azimuth 180 deg }\natmosphere layered\n\
+        material grey { ideal { diffuse 0.5 } }\nground grey\n\
+        sensor low { position (0 0 9) m, look_at (0 1 0) m, field_of_view 20 deg, pixels 8 x 8, band red 600..620 nm }\n\
+        sensor high { position (0 0 9000) m, look_at (0 1 0) m, field_of_view 1 deg, pixels 8 x 8, band red 600..621 nm }\n";
+    for light_at_once in [None, Some(0)] {
+        let checked = check_text("scene.glint", text).sound().unwrap_or_else(|refused| panic!("{refused}"));
+        let options = Options { whole_sky: true, light_at_once, ..Options::default() };
+        let plan = Plan::new(checked, &options).unwrap_or_else(|refused| panic!("{refused}"));
+        let runs: Vec<&Run> = plan.runs().iter().collect();
+        let air = air(&runs, &runs[0].moments[0].label, &[]).expect("the air of a time");
+        let upwelled: Vec<f64> = air.bands.iter().map(|band| band.path[1].1).collect();
+        assert!((upwelled[0] / upwelled[1] - 1.0).abs() < 0.01, "{light_at_once:?}: {upwelled:?}");
+    }
 }

@@ -659,7 +659,8 @@ impl<'s> Planner<'s, '_> {
                 (nodes.of_some((&whole_grid, &of_all), &kept, (&grid, &traced)), scenery)
             }
         };
-        let mut needs = match self.options.whole_sky {
+        let needs = match self.options.whole_sky {
+            // Whoever reads it may ask for the paths of other sensors too, and from z = 0 where they meet nothing.
             true => Needs {
                 direct_beam: true,
                 diffuse_irradiance: true,
@@ -667,11 +668,11 @@ impl<'s> Planner<'s, '_> {
                 path: true,
                 path_heights: None,
             },
-            false => algorithm.needs(&scenery),
+            false => {
+                let needs = algorithm.needs(&scenery);
+                Needs { path_heights: needs.path.then(|| path_heights(world, camera.as_ref())), ..needs }
+            }
         };
-        // Where nothing is met, a whole sky is asked for paths from z = 0.
-        let level = self.options.whole_sky.then_some(0.0);
-        needs.path_heights = needs.path.then(|| path_heights(world, camera.as_ref(), level));
         let albedo = match algorithm.lighting().adjacency {
             true => ground_albedo(scene, world, &bsdfs, grid.len()),
             false => vec![0.0; grid.len()],

@@ -101,7 +101,8 @@ pub fn air(runs: &[&Run], frame: &str, directions: &[(f64, f64)]) -> Option<Air>
     let sun = moment.sun.as_ref().map(|sun| sun.apparent);
     let paths: Vec<AirPath> = timed.iter().filter_map(|(run, _)| sightline(run, sun)).collect();
     let towards: Vec<WorldDir> = directions.iter().map(|(z, a)| WorldDir::from_zenith_azimuth(*z, *a)).collect();
-    let bands = timed.iter().flat_map(|(run, time)| bands(run, *time, &towards, &paths)).collect();
+    let skies: Vec<Entries> =
+        timed.iter().map(|(run, time)| entries(run.light(*time).sky.as_ref(), &towards, &paths)).collect();
     Some(Air {
         experiment: first.experiment.clone(),
         atmosphere: first.atmosphere_name.clone(),
@@ -110,8 +111,8 @@ pub fn air(runs: &[&Run], frame: &str, directions: &[(f64, f64)]) -> Option<Air>
         utc: moment.utc,
         sun,
         directions: directions.to_vec(),
-        spectrum: spectrum(first, time, &towards, &paths),
-        bands,
+        spectrum: spectrum(first, &skies[0]),
+        bands: timed.iter().zip(&skies).flat_map(|((run, _), sky)| bands(run, sky)).collect(),
         paths,
     })
 }
@@ -210,8 +211,7 @@ fn entries(sky: &dyn SkyState, towards: &[WorldDir], paths: &[AirPath]) -> Entri
     }
 }
 
-fn spectrum(run: &Run, time: usize, towards: &[WorldDir], paths: &[AirPath]) -> AirSpectrum {
-    let all = entries(run.light(time).sky.as_ref(), towards, paths);
+fn spectrum(run: &Run, all: &Entries) -> AirSpectrum {
     // The absorption points g of one wavelength become their weighted mean.
     let mut nodes: Vec<(f64, Vec<(usize, f64)>)> = Vec::new();
     for (i, entry) in run.grid.entries().iter().enumerate() {
@@ -239,8 +239,7 @@ fn spectrum(run: &Run, time: usize, towards: &[WorldDir], paths: &[AirPath]) -> 
     }
 }
 
-fn bands(run: &Run, time: usize, towards: &[WorldDir], paths: &[AirPath]) -> Vec<AirBand> {
-    let all = entries(run.light(time).sky.as_ref(), towards, paths);
+fn bands(run: &Run, all: &Entries) -> Vec<AirBand> {
     let n = run.channels.len();
     let fold = |values: &[f64]| {
         let mut means = vec![0.0; n];

@@ -335,14 +335,14 @@ pub(super) fn solve(asked: &[(&SkyOrder, Range<usize>)]) -> Vec<Vec<Arc<Illumina
     places.into_iter().map(of_run).collect()
 }
 
-/// Lowest and highest z of what a camera can see and of the camera itself on its whole flight, and of `level` \[m\].
-pub(super) fn path_heights(world: &World, camera: &dyn Camera, level: Option<f64>) -> (f64, f64) {
+/// Lowest and highest z of what a camera can see and of the camera itself on its whole flight \[m\].
+pub(super) fn path_heights(world: &World, camera: &dyn Camera) -> (f64, f64) {
     let (width, height) = camera.pixels();
     let (w, h) = (f64::from(width), f64::from(height));
     // Origins of rays are linear in the pixel, on a slanted image plane as along a flight.
     let of_camera = [(0.0, 0.0), (w, 0.0), (0.0, h), (w, h)].map(|(x, y)| camera.ray(x, y).origin.z);
     let facets = world.bounds().into_iter().flat_map(|(low, high)| [low.z, high.z]);
-    let heights = facets.chain(world.ground().map(|ground| ground.height)).chain(of_camera).chain(level);
+    let heights = facets.chain(world.ground().map(|ground| ground.height)).chain(of_camera);
     heights.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), z| (low.min(z), high.max(z)))
 }
 
@@ -402,9 +402,8 @@ mod tests {
         let built = scenery::build(&scene, &[], &mut Vec::new()).expect("a world");
         let camera =
             scenery::camera(&scene, &scene.sensors[0], Some((10, 10))).unwrap_or_else(|fault| panic!("{fault:?}"));
-        let (low, high) = path_heights(&built.world, camera.as_ref(), None);
+        let (low, high) = path_heights(&built.world, camera.as_ref());
         assert_eq!(low, -3.0);
         assert!((high - 120.0 - 50.0 * 0.5f64.sqrt()).abs() < 1e-9, "{high}");
-        assert_eq!(path_heights(&built.world, camera.as_ref(), Some(-7.0)).0, -7.0);
     }
 }
