@@ -306,7 +306,7 @@ fn render_group(group: &[&Lit<'_>], out: &Path, progress: &dyn Progress) -> Resu
             return Err(RenderError::Stopped);
         }
         let load = |(lit, store): (&&Lit<'_>, &TileStore)| {
-            store.load(lit.times.start, i).filter(|result| fits(result, tile, lit))
+            store.load(lit.times.start, i).filter(|result| fits(result, tile, lit.run, lit.times.len()))
         };
         let known: Vec<Option<TileResult>> = group.iter().zip(&stores).map(load).collect();
         let missing: Vec<&Lit<'_>> =
@@ -387,10 +387,10 @@ fn refuse_mixing(run: &Run, folder: &Path) -> Result<(), RenderError> {
     Ok(())
 }
 
-/// Whether a tile from disk has the shape that a run gives it at these times.
-fn fits(result: &TileResult, tile: Tile, Lit { run, times, .. }: &Lit<'_>) -> bool {
+/// Whether a tile from disk has the shape that a run gives it at so many times.
+fn fits(result: &TileResult, tile: Tile, run: &Run, n_times: usize) -> bool {
     let n = (tile.width * tile.height) as usize;
-    let stack = n * times.len() * run.traced.len();
+    let stack = n * n_times * run.traced.len();
     let surface = run.products.surface_radiance || run.products.reflectance_factor;
     result.radiance.len() == stack
         && result.error.len() == stack
@@ -472,7 +472,9 @@ impl Work<'_> {
         let mut frames: Vec<Frame> = chunk.clone().map(|t| Frame::blank(self.run, t)).collect();
         for part in self.parts.iter().filter(|part| part.start < chunk.end && chunk.start < part.end) {
             for (i, tile) in tiles.iter().enumerate() {
-                let result = self.store.load(part.start, i).ok_or_else(|| RenderError::Write {
+                // Another render into the folder may have put tiles of other parts there.
+                let known = self.store.load(part.start, i).filter(|result| fits(result, *tile, self.run, part.len()));
+                let result = known.ok_or_else(|| RenderError::Write {
                     path: out.to_path_buf(),
                     source: io::Error::other("a finished tile has gone from the folder while it was rendered"),
                 })?;
