@@ -82,7 +82,12 @@ impl Progress for Bar {
             0 | 1 => String::new(),
             n => format!(" and {} more on its paths", n - 1),
         };
-        self.bar.set_prefix(format!("{}{further}", runs.first().map_or_else(String::new, |run| run.full_name())));
+        let part = match runs.first().map_or(1, |run| run.parts().count()) {
+            0 | 1 => String::new(),
+            n => format!(", one of {n} parts"),
+        };
+        let name = runs.first().map_or_else(String::new, |run| run.full_name());
+        self.bar.set_prefix(format!("{name}{further}{part}"));
         self.bar.set_message("");
         self.bar.enable_steady_tick(Duration::from_millis(200));
     }
