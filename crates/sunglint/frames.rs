@@ -59,10 +59,10 @@ impl Run {
     pub fn render(&self) -> Frames {
         let tiles = self.tiles();
         let mut frames = Frames::new(self);
-        // The first part chooses for all.
+        // Chosen once for all parts.
         let mut timed: Option<Accuracy> = None;
         for lit in self.lit_parts() {
-            let within = |seconds: f64| Accuracy::Samples(lit.samples_within(lit.share() * seconds));
+            let within = |seconds: f64| Accuracy::Samples(lit.samples_of_run(seconds));
             timed = timed.or_else(|| self.budget.map(within));
             let accuracy = timed.unwrap_or(self.accuracy);
             let results: Vec<TileResult> = tiles.par_iter().map(|tile| lit.render_tile_as(*tile, accuracy)).collect();

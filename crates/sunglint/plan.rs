@@ -211,7 +211,8 @@ impl Run {
         self.kept.as_deref()
     }
 
-    fn lit_at(&self, times: Range<usize>) -> Lit<'_> {
+    /// The run at some of its times.
+    pub(crate) fn lit_at(&self, times: Range<usize>) -> Lit<'_> {
         let light = match &self.kept {
             Some(light) if times == (0..self.moments.len()) => light.clone(),
             _ => Arc::new(Light::new(self, light::solve(&[(&self.sky, times.clone())]).remove(0))),

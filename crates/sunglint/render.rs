@@ -290,7 +290,7 @@ fn render_group(group: &[&Lit<'_>], out: &Path, progress: &dyn Progress) -> Resu
     // share it.
     let timed_samples = match first.run.budget {
         Some(seconds) => {
-            let samples = stores[0].samples().unwrap_or_else(|| first.samples_within(first.share() * seconds));
+            let samples = stores[0].samples().unwrap_or_else(|| first.samples_of_run(seconds));
             stores[0].save_samples(samples).map_err(at(out))?;
             Some(samples)
         }
