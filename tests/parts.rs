@@ -149,7 +149,7 @@ fn runs_whose_light_is_not_kept_answer_all_the_same() {
 }
 
 /// Under `error` each part takes the samples that its own worst time asks for, `explain` those of its part, and the map of samples is
-/// the mean over the times. Under `time` the first part chooses the number of all.
+/// the mean over the times. Under `time` one number is chosen for all.
 #[test]
 fn parts_choose_samples_for_an_error_and_share_those_of_a_time() {
     let text = SCENE.replace("experiment base { samples 32", "experiment base { collect daytime, error 3 %");
