@@ -145,7 +145,7 @@ struct PointLight {
 }
 
 /// What a pixel takes of points: by point and replicate, over the samples of each replicate.
-pub(crate) type Shares = SmallVec<[(u32, [f64; REPLICATES]); 4]>;
+pub(crate) type PointShares = SmallVec<[(u32, [f64; REPLICATES]); 4]>;
 
 /// The points of a tile.
 #[derive(Default)]
@@ -245,7 +245,7 @@ impl IrradianceCache {
             *own = match self.points.get(&key) {
                 Some(known) => *known,
                 None => {
-                    let gathered = self.gather(hit, point, (squares.side, key), sight, n_nodes, gather)?;
+                    let gathered = self.gather(hit, point, key, sight, n_nodes, gather)?;
                     self.gathered.push(gathered);
                     self.points.insert(key, self.gathered.len() as u32 - 1);
                     self.gathered.len() as u32 - 1
@@ -265,13 +265,14 @@ impl IrradianceCache {
         &mut self,
         hit: &Hit,
         point: DVec3,
-        (side, key): (f64, Key),
+        key: Key,
         sight: &Sight<'_>,
         n_nodes: usize,
         gather: &mut impl FnMut(&Place<'_>, &mut Paths) -> Gathered,
     ) -> Option<Gathered> {
         let sight = sight.to(point)?;
-        let error = 1e-9 * side + 64.0 * f64::EPSILON * point.abs().max_element();
+        // Beyond what rounding moves it by, and the same for every cell that it is a corner of.
+        let error = 1024.0 * f64::EPSILON * (1.0 + point.abs().max_element());
         let hit = Hit { t: sight.ray.origin.distance(point), point, error, ..*hit };
         let [seed, view] = self.numbers;
         let place = Place { hit, sight, numbers: [seed, view, key.stream()], each: self.each };
@@ -336,7 +337,7 @@ impl IrradianceCache {
     pub fn add(
         &self,
         (v, t): (usize, usize),
-        shares: &Shares,
+        shares: &PointShares,
         counts: &[u32; REPLICATES],
         noise: bool,
         to: &mut PixelRadiance,
@@ -381,7 +382,7 @@ impl PointLight {
 }
 
 /// What the samples of a pixel take of points, by point.
-pub(crate) fn shares_of(paths: &Paths, taken: &[Taken]) -> Shares {
+pub(crate) fn shares_of(paths: &Paths, taken: &[Taken]) -> PointShares {
     // Of a cell, by replicate: Σ 1, Σ u, Σ v and Σ u v.
     let mut cells: SmallVec<[(Corners, [[f64; REPLICATES]; 4]); 2]> = SmallVec::new();
     for Taken { sample, corners, at: [u, v] } in taken {
@@ -394,7 +395,7 @@ pub(crate) fn shares_of(paths: &Paths, taken: &[Taken]) -> Shares {
             sums[replicate] += value;
         }
     }
-    let mut shares = Shares::new();
+    let mut shares = PointShares::new();
     for (corners, [n, u, v, uv]) in cells {
         for (i, point) in corners.iter().enumerate() {
             let at = shares.iter().position(|(known, _)| known == point).unwrap_or_else(|| {

@@ -8,7 +8,7 @@ use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
 use crate::allocation::{First, Worth};
 use crate::gathered::PixelLight;
-use crate::irradiance_cache::{self, shares_of};
+use crate::irradiance_cache::{PointShares, shares_of};
 use crate::light::{Block, BlockLight};
 use crate::paths::{Paths, RayCounts};
 use crate::pixel::{PixelRadiance, Term};
@@ -459,7 +459,7 @@ pub(crate) struct Lightable<'a> {
     block: Block<'a>,
     pixels: Vec<(&'a PixelPaths, PixelLight, Vec<Option<Shares>>)>,
     /// What they take of the cache.
-    cached: Vec<irradiance_cache::Shares>,
+    cached: Vec<PointShares>,
     by_term: bool,
 }
 
