@@ -54,7 +54,6 @@ impl First {
                 rays += own;
                 watch.add(t, begun);
             });
-            rays += cache.rays();
         }
         let lightable = Lightable::new(view, &traced, lattice, paths, view.times.len(), false, false);
         let mut last = LastSun::default();

@@ -332,9 +332,12 @@ impl Full {
         }
         let Some(squares) = paths.horizons.squares(hit, step.outgoing) else { return false };
         let Some(mut cache) = paths.cache.take() else { return false };
-        let n_nodes = walk.room.rho.len();
-        let gather = |place: &Place<'_>, paths: &mut Paths| self.gather(walk.scenery, place, paths);
-        let taken = cache.take(world, hit, (walk.id, squares, &walk.sight), n_nodes, gather);
+        let gather = |place: &Place<'_>, of_points: &mut Paths| {
+            let gathered = self.gather(walk.scenery, place, of_points);
+            paths.rays += std::mem::take(&mut of_points.rays);
+            gathered
+        };
+        let taken = cache.take(world, hit, (walk.id, squares, &walk.sight), gather);
         paths.cache = Some(cache);
         let Some((taken, sky_view)) = taken else { return false };
         paths.taken.push(taken);

@@ -25,7 +25,7 @@ use crate::hemisphere::Squares;
 use crate::paths::{Paths, RayCounts};
 use crate::pixel::{PixelRadiance, Term};
 use crate::render::{Lightable, PixelPaths, View};
-use crate::sightline::{self, Lattice};
+use crate::sightline::Lattice;
 use crate::sun::LastSun;
 use crate::{Accuracy, Sight};
 
@@ -152,6 +152,7 @@ pub(crate) type PointShares = SmallVec<[(u32, [f64; REPLICATES]); 4]>;
 pub(crate) struct IrradianceCache {
     numbers: [u64; 2],
     each: u32,
+    n_nodes: usize,
     points: FxHashMap<Key, u32>,
     gathered: Vec<Gathered>,
     cells: FxHashMap<Key, Option<Corners>>,
@@ -166,7 +167,7 @@ pub(crate) struct IrradianceCache {
 impl IrradianceCache {
     /// Makes ready for a block of a view.
     pub fn begin(&mut self, view: &View<'_>) {
-        self.numbers = [view.seed, view.id];
+        (self.numbers, self.n_nodes) = ([view.seed, view.id], view.nodes.len());
         self.each = match view.accuracy {
             Accuracy::Samples(n) => SAMPLES * n.div_ceil(REPLICATES as u32).max(1),
             Accuracy::Error { relative, .. } => {
@@ -175,7 +176,8 @@ impl IrradianceCache {
         };
         let images: usize = self.lit.iter().map(Vec::len).sum::<usize>() * view.channels.len();
         if images * self.gathered.len() * size_of::<[f64; REPLICATES]>() > MOST_BYTES {
-            *self = Self { numbers: self.numbers, each: self.each, paths: self.paths.take(), ..Self::default() };
+            let Self { numbers, each, n_nodes, .. } = *self;
+            *self = Self { numbers, each, n_nodes, paths: self.paths.take(), ..Self::default() };
         }
     }
 
@@ -185,7 +187,6 @@ impl IrradianceCache {
         world: &World,
         hit: &Hit,
         (sample, squares, sight): (u32, Squares, &Sight<'_>),
-        n_nodes: usize,
         mut gather: impl FnMut(&Place<'_>, &mut Paths) -> Gathered,
     ) -> Option<(Taken, f64)> {
         let of = (hit.facet, hit.front);
@@ -205,7 +206,7 @@ impl IrradianceCache {
                     let corners = match self.cells.get(&key) {
                         Some(known) => *known,
                         None => {
-                            let corners = self.corners(world, hit, (squares, key), sight, n_nodes, &mut gather);
+                            let corners = self.corners(world, hit, (squares, key), sight, &mut gather);
                             self.cells.insert(key, corners);
                             corners
                         }
@@ -228,7 +229,6 @@ impl IrradianceCache {
         hit: &Hit,
         (squares, key): (Squares, Key),
         sight: &Sight<'_>,
-        n_nodes: usize,
         gather: &mut impl FnMut(&Place<'_>, &mut Paths) -> Gathered,
     ) -> Option<Corners> {
         let corner = |i: usize| {
@@ -245,7 +245,7 @@ impl IrradianceCache {
             *own = match self.points.get(&key) {
                 Some(known) => *known,
                 None => {
-                    let gathered = self.gather(hit, point, key, sight, n_nodes, gather)?;
+                    let gathered = self.gather(hit, point, key, sight, gather)?;
                     self.gathered.push(gathered);
                     self.points.insert(key, self.gathered.len() as u32 - 1);
                     self.gathered.len() as u32 - 1
@@ -267,7 +267,6 @@ impl IrradianceCache {
         point: DVec3,
         key: Key,
         sight: &Sight<'_>,
-        n_nodes: usize,
         gather: &mut impl FnMut(&Place<'_>, &mut Paths) -> Gathered,
     ) -> Option<Gathered> {
         let sight = sight.to(point)?;
@@ -276,22 +275,10 @@ impl IrradianceCache {
         let hit = Hit { t: sight.ray.origin.distance(point), point, error, ..*hit };
         let [seed, view] = self.numbers;
         let place = Place { hit, sight, numbers: [seed, view, key.stream()], each: self.each };
-        let paths = self.paths.get_or_insert_with(|| Box::new(Paths::new(n_nodes)));
-        let (records, samples, vertices) = (paths.records.len(), paths.samples.len(), paths.vertices.len());
-        let gathered = gather(&place, paths);
-        let (records, samples) = (records..paths.records.len(), samples..paths.samples.len());
-        let vertices = vertices..paths.vertices.len();
-        let sights = sightline::cluster(paths, samples.clone(), &place.sight.ray);
-        self.waiting.push(PixelPaths {
-            index: self.gathered.len(),
-            records,
-            samples,
-            vertices,
-            taken: 0..0,
-            counts: [self.each; REPLICATES],
-            middle: place.sight.place,
-            sights,
-        });
+        let paths = self.paths.get_or_insert_with(|| Box::new(Paths::new(self.n_nodes)));
+        let (index, counts) = (self.gathered.len(), [self.each; REPLICATES]);
+        let (point, gathered) = PixelPaths::traced(paths, index, counts, &place.sight, |paths| gather(&place, paths));
+        self.waiting.push(point);
         Some(gathered)
     }
 
@@ -325,11 +312,6 @@ impl IrradianceCache {
             paths.clear();
         }
         self.paths = Some(paths);
-    }
-
-    /// Rays that gathered so far, handed over.
-    pub fn rays(&mut self) -> RayCounts {
-        self.paths.as_mut().map(|paths| std::mem::take(&mut paths.rays)).unwrap_or_default()
     }
 
     /// Adds what a pixel takes at one time of one view, with so many samples of each replicate; where `noise` is asked for what of it

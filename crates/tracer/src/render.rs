@@ -183,18 +183,37 @@ impl TileResult {
 /// A traced pixel within [`Paths`].
 pub(crate) struct PixelPaths {
     /// Where it belongs in the output.
-    pub index: usize,
-    pub records: Range<usize>,
+    index: usize,
+    records: Range<usize>,
     pub samples: Range<usize>,
-    pub vertices: Range<usize>,
+    vertices: Range<usize>,
     /// What they take of the cache.
-    pub taken: Range<usize>,
+    taken: Range<usize>,
     /// How many each replicate has.
-    pub counts: [u32; REPLICATES],
+    counts: [u32; REPLICATES],
     /// Image coordinates of its middle.
-    pub middle: [f64; 2],
+    middle: [f64; 2],
     /// Lines of sight of its clusters of samples; `None` leaves the scene.
-    pub sights: Vec<Option<Path>>,
+    sights: Vec<Option<Path>>,
+}
+
+impl PixelPaths {
+    /// What `trace` adds to the paths, of so many samples a replicate seen along a line through their middle, and what it tells.
+    pub fn traced<T>(
+        paths: &mut Paths,
+        index: usize,
+        counts: [u32; REPLICATES],
+        middle: &Sight<'_>,
+        trace: impl FnOnce(&mut Paths) -> T,
+    ) -> (Self, T) {
+        let ends = |paths: &Paths| [paths.records.len(), paths.samples.len(), paths.vertices.len(), paths.taken.len()];
+        let starts = ends(paths);
+        let told = trace(paths);
+        let ends = ends(paths);
+        let [records, samples, vertices, taken] = std::array::from_fn(|i| starts[i]..ends[i]);
+        let sights = sightline::cluster(paths, samples.clone(), &middle.ray);
+        (Self { index, records, samples, vertices, taken, counts, middle: middle.place, sights }, told)
+    }
 }
 
 /// What a tile took, by the clock that it was rendered by.
@@ -368,7 +387,6 @@ impl Target<'_, '_> {
                 out[v].1.add(t, begun);
                 out[v].0.rays += rays;
             });
-            out[0].0.rays += cache.rays();
         }
         let lightable = Lightable::new(&self.views[0], pending, self.lattice, paths, n_times, false, false);
         let mut last = LastSun::default();
@@ -422,26 +440,22 @@ pub(crate) fn trace_pixel(
     ranges: [Range<u32>; 2],
     paths: &mut Paths,
 ) -> PixelPaths {
-    let (records, samples, vertices) = (paths.records.len(), paths.samples.len(), paths.vertices.len());
-    let taken = paths.taken.len();
     let key = u64::from(pixel.1) * u64::from(view.pixels.0) + u64::from(pixel.0);
-    let mut counts = [0; REPLICATES];
-    for (replicate, count) in counts.iter_mut().enumerate() {
-        let range = ranges[half_of(replicate as u8)].clone();
-        *count = range.end.saturating_sub(range.start);
-        let first = Stream::new(view.seed, view.id, key, replicate as u32, 0);
-        for i in range {
-            let mut stream = first.at(i);
-            let [u, v] = stream.next2();
-            let sight = Sight::new(view.sight, [f64::from(pixel.0) + u, f64::from(pixel.1) + v]);
-            view.algorithm.trace(view.scenery, &sight, replicate as u8, &mut stream, paths);
+    let of_half = ranges.clone().map(|range| range.end.saturating_sub(range.start));
+    let counts = std::array::from_fn(|replicate| of_half[half_of(replicate as u8)]);
+    let middle = Sight::new(view.sight, [f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5]);
+    let trace = |paths: &mut Paths| {
+        for replicate in 0..REPLICATES as u8 {
+            let first = Stream::new(view.seed, view.id, key, replicate.into(), 0);
+            for i in ranges[half_of(replicate)].clone() {
+                let mut stream = first.at(i);
+                let [u, v] = stream.next2();
+                let sight = Sight::new(view.sight, [f64::from(pixel.0) + u, f64::from(pixel.1) + v]);
+                view.algorithm.trace(view.scenery, &sight, replicate, &mut stream, paths);
+            }
         }
-    }
-    let (records, samples) = (records..paths.records.len(), samples..paths.samples.len());
-    let (vertices, taken) = (vertices..paths.vertices.len(), taken..paths.taken.len());
-    let middle = [f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5];
-    let sights = sightline::cluster(paths, samples.clone(), &(view.sight)(middle[0], middle[1]));
-    PixelPaths { index, records, samples, vertices, taken, counts, middle, sights }
+    };
+    PixelPaths::traced(paths, index, counts, &middle, trace).0
 }
 
 fn round_to_replicates(samples: u32) -> u32 {
