@@ -1,6 +1,7 @@
 //! What a radiance algorithm is.
 
 use sunglint_atmosphere::Needs;
+use sunglint_geometry::Hit;
 use sunglint_plugin::Model;
 
 use crate::{Paths, Scenery, Sight, Stream};
@@ -19,6 +20,18 @@ pub struct Lighting {
     pub adjacency: bool,
 }
 
+/// Which of a pixel's samples one is.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Draw {
+    /// Its replicate.
+    pub replicate: u8,
+    /// What its line of sight meets.
+    pub hit: Option<Hit>,
+    /// Weight of what rays over first surfaces find of sky and background: 1 where each sample looks, 0 where others of the pixel
+    /// look for it, and so much more for those. An algorithm may look whatever it says, with a weight of 1.
+    pub looks: f64,
+}
+
 /// A radiance algorithm: traces samples of a pixel into paths that do not depend on time or wavelength.
 pub trait Algorithm: Send + Sync {
     /// What it wants of the atmosphere over this scenery.
@@ -31,7 +44,7 @@ pub trait Algorithm: Send + Sync {
     fn traced_by(&self) -> String;
 
     /// Traces one sample along `sight` and appends it to `paths`.
-    fn trace(&self, scenery: &Scenery, sight: &Sight<'_>, replicate: u8, stream: &mut Stream, paths: &mut Paths);
+    fn trace(&self, scenery: &Scenery, sight: &Sight<'_>, draw: &Draw, stream: &mut Stream, paths: &mut Paths);
 
     /// What it will not compute for this scenery and why, one line each, for the plan.
     fn skips(&self, scenery: &Scenery) -> Vec<String>;

@@ -1,13 +1,16 @@
 //! How many samples each pixel takes: its first ones tell, of it and of those around.
 
+use glam::DVec2;
 use smallvec::SmallVec;
 use sunglint_geometry::{FacetId, MaterialId};
 use sunglint_radiometry::{REPLICATES, estimate};
 
 use crate::Accuracy;
 use crate::paths::{Paths, RayCounts};
-use crate::pixel::PixelRadiance;
-use crate::render::{BLOCK, Lightable, PixelPaths, Tile, View, Watch, block_at, mean_sky_view, pixels_of, trace_pixel};
+use crate::pixel::{Parts, PixelRadiance};
+use crate::render::{
+    BLOCK, Draws, Lightable, PixelPaths, SkyView, Tile, View, Watch, block_at, pixels_of, trace_pixel,
+};
 use crate::sightline::Lattice;
 use crate::sun::LastSun;
 use crate::unseen::missed;
@@ -16,8 +19,8 @@ use crate::unseen::missed;
 pub(crate) struct First {
     /// By time and pixel.
     pub times: Vec<Vec<PixelRadiance>>,
-    /// Mean F of each pixel.
-    pub sky_views: Vec<f64>,
+    /// F of each pixel.
+    pub sky_views: Vec<SkyView>,
     /// Material that each pixel's first sample met, and the facet that each replicate's did.
     materials: Vec<Option<MaterialId>>,
     facets: Vec<[Option<FacetId>; REPLICATES]>,
@@ -36,7 +39,7 @@ impl First {
         watch: &mut Watch<'_>,
     ) -> Self {
         let trace = |(i, (x, y)): (usize, &(u32, u32))| {
-            trace_pixel(view, (tile.x + x, tile.y + y), i, [0..1, 0..1], &mut *paths)
+            trace_pixel(view, (tile.x + x, tile.y + y), i, ([Draws::all(1); 2], 0), &mut *paths)
         };
         let traced: Vec<PixelPaths> = block.iter().enumerate().map(trace).collect();
         let material = |pixel: &PixelPaths| {
@@ -46,16 +49,16 @@ impl First {
         let materials = traced.iter().map(material).collect();
         let facet = |sample: usize| Some(paths.vertices[paths.samples[sample].vertex? as usize].hit.facet);
         let facets = traced.iter().map(|pixel| std::array::from_fn(|r| facet(pixel.samples.start + r))).collect();
-        let sky_views = traced.iter().map(|pixel| mean_sky_view(paths, pixel)).collect();
+        let sky_views = traced.iter().map(|pixel| SkyView::of(paths, pixel)).collect();
         let mut rays = RayCounts::default();
         if let Some(cache) = &mut paths.cache {
             let clock = watch.clock;
-            cache.light(std::slice::from_ref(view), lattice, false, clock, |_, t, own, begun| {
+            cache.light(std::slice::from_ref(view), lattice, Parts::Whole, clock, |_, t, own, begun| {
                 rays += own;
                 watch.add(t, begun);
             });
         }
-        let lightable = Lightable::new(view, &traced, lattice, paths, view.times.len(), false, false);
+        let lightable = Lightable::new(view, &traced, lattice, paths, view.times.len(), Parts::Looked, false);
         let mut last = LastSun::default();
         let times = (view.times.iter().enumerate())
             .map(|(t, time)| {
@@ -72,36 +75,36 @@ impl First {
     }
 
     /// How many samples each replicate of each half takes, the first included: chosen by the other half.
-    pub fn counts(&self, view: &View<'_>) -> Vec<[u32; 2]> {
-        let Accuracy::Error { relative, floor, most, .. } = view.accuracy else {
-            return vec![[1; 2]; self.block.len()];
-        };
+    pub fn draws(&self, view: &View<'_>) -> Vec<[Draws; 2]> {
+        let mut draws = vec![[Draws::all(1); 2]; self.block.len()];
+        let Accuracy::Error { relative, floor, most, .. } = view.accuracy else { return draws };
         let most = f64::from((most / REPLICATES as u32).max(1));
-        let mut counts = vec![[1; 2]; self.block.len()];
         for t in 0..self.times.len() {
             for c in 0..view.channels.len() {
                 for (half, by) in [(0, 1), (1, 0)] {
                     let seen = self.heard(&self.seen(t, c, by));
                     let mean = seen.iter().map(|seen| seen.mean).sum::<f64>() / seen.len() as f64;
-                    for (own, count) in seen.iter().zip(&mut counts) {
+                    for (own, draws) in seen.iter().zip(&mut draws) {
                         let needed = match view.worth {
                             Some(worth) => {
                                 let Price { floor, least } = worth.of[t * view.channels.len() + c];
                                 let scale = REPLICATES as f64 * own.mean.max(floor).powi(2);
-                                if scale > 0.0 { worthwhile(own.within, own.between, scale * least) } else { 1.0 }
+                                if scale > 0.0 { own.spread.worthwhile(scale * least) } else { [1.0; 2] }
                             }
                             None => {
                                 let wanted = relative * own.mean.max(floor.unwrap_or(0.01 * mean));
                                 let allowed = beside(REPLICATES as f64 * wanted * wanted, own.shared);
-                                if allowed > 0.0 { needed(own, allowed) } else { 1.0 }
+                                [if allowed > 0.0 { needed(own, allowed) } else { 1.0 }; 2]
                             }
                         };
-                        count[half] = count[half].max(needed.min(most).ceil() as u32);
+                        let [samples, looks] = needed.map(|n| n.min(most).ceil() as u32);
+                        let own = &mut draws[half];
+                        *own = Draws { samples: own.samples.max(samples), looks: own.looks.max(looks) };
                     }
                 }
             }
         }
-        counts
+        draws
     }
 
     /// What one half of the replicates tells of each pixel at one time in one channel.
@@ -112,16 +115,17 @@ impl First {
                 let r = replicates.start + r;
                 (facets[r], radiance.lit[r] > 0.5)
             });
-            let unseen = radiance.unseen[half][c];
+            let unseen = radiance.unseen[half][c].iter().sum();
             let values = &radiance.radiance[c][replicates.clone()];
+            let looked = &radiance.looked[c][replicates.clone()];
             let Some(noise) = radiance.cache_noise.get(c).map(|noise| &noise[replicates.clone()]) else {
-                return Seen { unseen, ..Seen::new(values, &kinds) };
+                return Seen { unseen, ..Seen::new(values, looked, &kinds) };
             };
             // More samples of a pixel do not lower the noise of points that others share.
             let own: SmallVec<[f64; REPLICATES]> =
                 values.iter().zip(noise).map(|(value, noise)| value - noise).collect();
             let shared = estimate(noise).standard_error.powi(2) * noise.len() as f64;
-            Seen { unseen, shared, ..Seen::new(&own, &kinds) }
+            Seen { unseen, shared, ..Seen::new(&own, looked, &kinds) }
         };
         self.times[t].iter().zip(&self.facets).map(of_pixel).collect()
     }
@@ -129,8 +133,11 @@ impl First {
     /// The same, with no less variance than the pixels around tell.
     fn heard(&self, seen: &[Seen]) -> Vec<Seen> {
         let heard = |(i, own): (usize, &Seen)| Seen {
-            within: own.within.max(self.around(i, |j| seen[j].within)),
-            between: own.between.max(self.around(i, |j| seen[j].between)),
+            spread: Spread {
+                whole: own.spread.whole.max(self.around(i, |j| seen[j].spread.whole)),
+                looked: own.spread.looked.max(self.around(i, |j| DVec2::new(seen[j].spread.looked, 0.0)).x),
+                ..own.spread
+            },
             ..*own
         };
         seen.iter().enumerate().map(heard).collect()
@@ -138,13 +145,13 @@ impl First {
 
     /// Mean over the pixels around one that see the same material, itself among them: eight samples know their own variance
     /// badly, and may miss an edge that neighbours see.
-    fn around(&self, i: usize, value: impl Fn(usize) -> f64) -> f64 {
+    fn around(&self, i: usize, value: impl Fn(usize) -> DVec2) -> DVec2 {
         let (x, y) = self.block[i];
         let near = |j: &usize| {
             let (u, v) = self.block[*j];
             x.abs_diff(u) <= 1 && y.abs_diff(v) <= 1 && self.materials[*j] == self.materials[i]
         };
-        let (sum, n) = (0..self.block.len()).filter(near).fold((0.0, 0.0), |(sum, n), j| (sum + value(j), n + 1.0));
+        let (sum, n) = (0..self.block.len()).filter(near).fold((DVec2::ZERO, 0.0), |(sum, n), j| (sum + value(j), n + 1.0));
         sum / f64::max(n, 1.0)
     }
 }
@@ -153,34 +160,73 @@ impl First {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Seen {
     mean: f64,
-    /// Variance of one sample on a facet in the sun or in the shade, and what edges between these add to it.
-    within: f64,
-    between: f64,
+    spread: Spread,
     /// Variance between replicates that points of the cache bring, whatever the number of samples.
     shared: f64,
     /// What none of them met where a ray might be stopped; see [`missed`].
     unseen: f64,
 }
 
-impl Seen {
-    fn new<K: PartialEq>(values: &[f64], kinds: &[K]) -> Self {
-        let n = values.len() as f64;
-        let mean = values.iter().sum::<f64>() / n;
-        let whole = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        let (mut squares, mut groups) = (0.0, 0.0);
-        for (i, kind) in kinds.iter().enumerate() {
-            if kinds[..i].contains(kind) {
-                continue;
-            }
-            let own = || values.iter().zip(kinds).filter(|(_, of)| *of == kind).map(|(value, _)| *value);
-            let of_group = own().sum::<f64>() / own().count() as f64;
-            squares += own().map(|value| (value - of_group).powi(2)).sum::<f64>();
-            groups += 1.0;
-        }
-        // As many kinds as samples: nothing can be told of either.
-        let within = if n - groups >= 3.0 { (squares / (n - groups)).min(whole) } else { whole };
-        Self { mean, within, between: whole - within, shared: 0.0, unseen: 0.0 }
+/// Variance of one sample on a facet in the sun or in the shade, W, and what edges between these add to it, B.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Spread {
+    whole: DVec2,
+    /// W of what rays found of sky and background alone.
+    looked: f64,
+    /// Least samples a replicate that look: the first, and one on each facet.
+    least_looks: f64,
+}
+
+/// What looking costs, in samples that do not look.
+const LOOK: f64 = 2.0;
+
+impl Spread {
+    /// All but what looking finds on a facet: samples that do not look tell how much of the pixel each facet fills.
+    fn bare(&self) -> DVec2 {
+        self.whole - DVec2::new(self.looked, 0.0)
     }
+
+    /// Samples a replicate, and how many of these look, up to which what one more costs lowers what is [left](Self::left) by at
+    /// least `least` for each sample's worth.
+    fn worthwhile(&self, least: f64) -> [f64; 2] {
+        let samples = worthwhile(self.bare().max(DVec2::ZERO), least);
+        let looks = worthwhile(DVec2::new(self.looked, 0.0), LOOK * least).max(self.least_looks);
+        if looks < samples { [samples, looks] } else { [worthwhile(self.whole, (1.0 + LOOK) * least); 2] }
+    }
+
+    fn left(&self, [samples, looks]: [f64; 2]) -> f64 {
+        left(self.bare(), samples) + self.looked / looks
+    }
+}
+
+impl Seen {
+    fn new(values: &[f64], looked: &[f64], kinds: &[(Option<FacetId>, bool)]) -> Self {
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let facets = (0..kinds.len()).filter(|i| kinds[..*i].iter().all(|(facet, _)| *facet != kinds[*i].0)).count();
+        let (whole, looked) = (told_apart(values, kinds), told_apart(looked, kinds).x);
+        let spread = Spread { whole, looked, least_looks: 1.0 + facets as f64 };
+        Self { mean, spread, shared: 0.0, unseen: 0.0 }
+    }
+}
+
+/// W and B of values of one sample each.
+fn told_apart<K: PartialEq>(values: &[f64], kinds: &[K]) -> DVec2 {
+    let n = values.len() as f64;
+    let mean = values.iter().sum::<f64>() / n;
+    let whole = values.iter().map(|value| (value - mean).powi(2)).sum::<f64>() / (n - 1.0);
+    let (mut squares, mut groups) = (0.0, 0.0);
+    for (i, kind) in kinds.iter().enumerate() {
+        if kinds[..i].contains(kind) {
+            continue;
+        }
+        let own = || values.iter().zip(kinds).filter(|(_, of)| *of == kind).map(|(value, _)| *value);
+        let of_group = own().sum::<f64>() / own().count() as f64;
+        squares += own().map(|value| (value - of_group).powi(2)).sum::<f64>();
+        groups += 1.0;
+    }
+    // As many kinds as samples: nothing can be told of either.
+    let within = if n - groups >= 3.0 { (squares / (n - groups)).min(whole) } else { whole };
+    DVec2::new(within, whole - within)
 }
 
 /// What is left of an allowed variance beside one that samples do not lower: no less than a quarter, since more of them would be
@@ -191,20 +237,20 @@ fn beside(allowed: f64, shared: f64) -> f64 {
 
 /// W/n + B/n^1.5, what n samples a replicate leave: scattered points average what varies on a facet, and the points of one
 /// replicate, spread evenly over the pixel, do better on the area of a facet within it [Owen1997].
-fn left(within: f64, between: f64, n: f64) -> f64 {
-    within / n + between / (n * n.sqrt())
+fn left(spread: DVec2, n: f64) -> f64 {
+    spread.x / n + spread.y / (n * n.sqrt())
 }
 
 /// Samples a replicate that leave no more than `allowed`, stated for what may have been missed included.
 fn needed(seen: &Seen, allowed: f64) -> f64 {
-    let Seen { within, between, unseen, .. } = *seen;
+    let Seen { spread: Spread { whole, .. }, unseen, .. } = *seen;
     let r = REPLICATES as f64;
-    let all = |n: f64| left(within, between, n) + r * missed(unseen, r * n) - allowed;
+    let all = |n: f64| left(whole, n) + r * missed(unseen, r * n) - allowed;
     if all(1.0) <= 0.0 {
         return 1.0;
     }
     // Between what either alone asks for and what all would if edges were no better.
-    let (mut low, mut high) = (1.0, (within + between + unseen) / allowed);
+    let (mut low, mut high) = (1.0, (whole.element_sum() + unseen) / allowed);
     for _ in 0..40 {
         let middle = 0.5 * (low + high);
         if all(middle) > 0.0 {
@@ -217,7 +263,8 @@ fn needed(seen: &Seen, allowed: f64) -> f64 {
 }
 
 /// Samples a replicate up to which one more lowers what is [left] by at least `least`.
-fn worthwhile(within: f64, between: f64, least: f64) -> f64 {
+fn worthwhile(spread: DVec2, least: f64) -> f64 {
+    let (within, between) = (spread.x, spread.y);
     let gain = |n: f64| within / (n * n) + 1.5 * between / (n * n * n.sqrt());
     if gain(1.0) <= least {
         return 1.0;
@@ -296,23 +343,28 @@ impl Worth {
             let floor = floor.unwrap_or(0.01 * mean);
             let scaled = |seen: &Seen| {
                 let scale = REPLICATES as f64 * seen.mean.max(floor).powi(2);
-                [seen.within, seen.between, seen.shared].map(|part| if scale > 0.0 { part / scale } else { 0.0 })
+                let each = if scale > 0.0 { 1.0 / scale } else { 0.0 };
+                let Spread { whole, looked, .. } = seen.spread;
+                (Spread { whole: each * whole, looked: each * looked, ..seen.spread }, each * seen.shared)
             };
-            let shared = seen.iter().map(|(_, tells)| scaled(tells)[2]).sum::<f64>() / seen.len().max(1) as f64;
-            let two = |seen: &Seen| (scaled(seen)[0], scaled(seen)[1]);
-            Told { floor, shared, pixels: seen.iter().map(|(chooses, tells)| (two(chooses), two(tells))).collect() }
+            let shared = seen.iter().map(|(_, tells)| scaled(tells).1).sum::<f64>() / seen.len().max(1) as f64;
+            let both = |(chooses, tells)| (scaled(chooses).0, scaled(tells).0);
+            Told { floor, shared, pixels: seen.iter().map(|(chooses, tells)| both((chooses, tells))).collect() }
         };
         let told: Vec<Told> = seen.into_iter().map(of).collect();
         let wanted = relative * relative;
         // What each channel of each time would pay alone, then all by the same factor less, since the worst of them chooses.
         let own: Vec<f64> = (told.iter())
-            .map(|of| dearest(beside(wanted, of.shared), |least| of.left(|i| of.count(i, least))))
+            .map(|of| dearest(beside(wanted, of.shared), |least| of.left(|i| of.draws(i, least))))
             .collect();
         let factor = dearest(wanted, |factor| {
             let n_pixels = told.first().map_or(0, |of| of.pixels.len());
-            let of_pixel = |i| told.iter().zip(&own).map(|(of, least)| of.count(i, factor * least)).fold(1.0, f64::max);
-            let counts: Vec<f64> = (0..n_pixels).map(of_pixel).collect();
-            let left = |of: &Told| of.left(|i| counts[i]) * (wanted / beside(wanted, of.shared));
+            let of_pixel = |i| {
+                let of_told = told.iter().zip(&own).map(|(of, least)| of.draws(i, factor * least));
+                of_told.fold([1.0; 2], |most: [f64; 2], own| [most[0].max(own[0]), most[1].max(own[1])])
+            };
+            let draws: Vec<[f64; 2]> = (0..n_pixels).map(of_pixel).collect();
+            let left = |of: &Told| of.left(|i| draws[i]) * (wanted / beside(wanted, of.shared));
             told.iter().map(left).fold(0.0, f64::max)
         });
         let price = |(of, least): (&Told, &f64)| Price { floor: of.floor, least: factor * least };
@@ -325,19 +377,18 @@ struct Told {
     floor: f64,
     /// Mean square that samples do not lower.
     shared: f64,
-    /// Relative W and B by which a pixel chooses, neighbours heard, and those that the other half of its replicates tells.
-    pixels: Vec<((f64, f64), (f64, f64))>,
+    /// In relative variance, by what a pixel chooses, neighbours heard, and what the other half of its replicates tells.
+    pixels: Vec<(Spread, Spread)>,
 }
 
 impl Told {
-    fn count(&self, i: usize, least: f64) -> f64 {
-        let (w, b) = self.pixels[i].0;
-        worthwhile(w, b, least)
+    fn draws(&self, i: usize, least: f64) -> [f64; 2] {
+        self.pixels[i].0.worthwhile(least)
     }
 
-    /// Mean square of the relative standard error that counts leave.
-    fn left(&self, count: impl Fn(usize) -> f64) -> f64 {
-        let of_pixel = |(i, (_, (w, b))): (usize, &(_, (f64, f64)))| left(*w, *b, count(i));
+    /// Mean square of the relative standard error that numbers of samples leave.
+    fn left(&self, draws: impl Fn(usize) -> [f64; 2]) -> f64 {
+        let of_pixel = |(i, (_, tells)): (usize, &(_, Spread))| tells.left(draws(i));
         self.pixels.iter().enumerate().map(of_pixel).sum::<f64>() / self.pixels.len().max(1) as f64
     }
 }
@@ -354,23 +405,21 @@ mod tests {
     /// Two facets of 1 and 3, even on each: all variance is between them. One facet: all is within.
     #[test]
     fn variance_is_told_apart_by_facets() {
-        let facets: Vec<Option<FacetId>> = (0..8).map(|i| Some(FacetId(i / 4))).collect();
+        let facets: Vec<_> = (0..8).map(|i| (Some(FacetId(i / 4)), true)).collect();
         let values: Vec<f64> = (0..8).map(|i| if i < 4 { 1.0 } else { 3.0 }).collect();
-        let seen = Seen::new(&values, &facets);
-        assert_eq!((seen.mean, seen.within), (2.0, 0.0));
-        assert!((seen.between - 8.0 / 7.0).abs() < 1e-12);
+        let seen = Seen::new(&values, &[0.0; 8], &facets);
+        assert_eq!((seen.mean, seen.spread.whole.x, seen.spread.least_looks), (2.0, 0.0, 3.0));
+        assert!((seen.spread.whole.y - 8.0 / 7.0).abs() < 1e-12);
         let one = vec![None::<FacetId>; 8];
-        assert_eq!(
-            Seen::new(&values, &one),
-            Seen { mean: 2.0, within: 8.0 / 7.0, between: 0.0, shared: 0.0, unseen: 0.0 }
-        );
+        assert_eq!(told_apart(&values, &one), DVec2::new(8.0 / 7.0, 0.0));
         let each: Vec<Option<FacetId>> = (0..8).map(|i| Some(FacetId(i))).collect();
-        assert_eq!(Seen::new(&values, &each).between, 0.0);
+        assert_eq!(told_apart(&values, &each).y, 0.0);
     }
 
     /// With all variance on facets n = √(W/least), with all between them n = (1.5 B/least)^(2/5).
     #[test]
     fn samples_are_worthwhile_up_to_their_price() {
+        let worthwhile = |w, b, least| worthwhile(DVec2::new(w, b), least);
         assert_eq!(worthwhile(1.0, 1.0, 3.0), 1.0);
         assert!((worthwhile(100.0, 0.0, 1.0) - 10.0).abs() < 1e-6);
         assert!((worthwhile(0.0, 1000.0, 1.0) - 1500f64.powf(0.4)).abs() < 1e-6);
@@ -378,9 +427,27 @@ mod tests {
         assert!((10.0 / (n * n) + 75.0 / n.powf(2.5) - 1e-3).abs() < 1e-9);
     }
 
+    /// Where what looking finds varies little, few look; where it holds all, all do, for what both cost.
+    #[test]
+    fn as_many_samples_look_as_is_worth_it() {
+        let of = |bare: f64, looked: f64| {
+            let whole = DVec2::new(bare + looked, 0.0);
+            Spread { whole, looked, least_looks: 2.0 }.worthwhile(1e-2)
+        };
+        let near = |[a, b]: [f64; 2], [c, d]: [f64; 2]| (a - c).abs() < 1e-5 && (b - d).abs() < 1e-5;
+        assert!(near(of(100.0, 0.0), [100.0, 2.0]));
+        assert!(near(of(100.0, 2.0), [100.0, (2.0 / LOOK / 1e-2).sqrt()]));
+        assert!(near(of(0.0, 300.0), [(300.0 / (1.0 + LOOK) / 1e-2).sqrt(); 2]));
+        let spread = Spread { whole: DVec2::new(7.0, 0.0), looked: 3.0, least_looks: 1.0 };
+        assert!((spread.left([8.0, 2.0]) - (4.0 / 8.0 + 3.0 / 2.0)).abs() < 1e-12);
+    }
+
     #[test]
     fn as_many_samples_are_needed_as_bring_the_variance_down() {
-        let needed = |within, between, unseen| needed(&Seen { mean: 1.0, within, between, shared: 0.0, unseen }, 1.0);
+        let needed = |within, between, unseen| {
+            let spread = Spread { whole: DVec2::new(within, between), looked: 0.0, least_looks: 1.0 };
+            needed(&Seen { mean: 1.0, spread, shared: 0.0, unseen }, 1.0)
+        };
         assert_eq!(needed(0.5, 0.4, 0.0), 1.0);
         assert!((needed(100.0, 0.0, 0.0) - 100.0).abs() < 1e-6);
         assert!((needed(0.0, 1000.0, 0.0) - 100.0).abs() < 1e-6);

@@ -24,7 +24,7 @@ use sunglint_plugin::{Args, BindError, Default, Model, ModelInfo, Param};
 use sunglint_radiometry::{Frame, LocalDir, REPLICATES, WorldDir};
 use sunglint_reflectance::Lobes;
 
-use crate::algorithm::{Algorithm, Lighting};
+use crate::algorithm::{Algorithm, Draw, Lighting};
 use crate::hemisphere::{above_horizon, below_horizon, hemisphere_direction, open_sky_view};
 use crate::irradiance_cache::{Gathered, Place};
 use crate::paths::{ONE, Paths, Room, Sample, Source, SpectrumId};
@@ -122,6 +122,13 @@ pub(crate) struct Step {
     past: Past,
 }
 
+impl Past {
+    /// Whether rays over a first surface led here.
+    const fn is_looked(self) -> bool {
+        !self.straight && !self.by_lobe
+    }
+}
+
 impl Step {
     /// The term that light scattered here belongs to.
     fn term(&self, first: Term) -> Term {
@@ -138,6 +145,8 @@ struct Walk<'a> {
     scenery: &'a Scenery,
     sight: Sight<'a>,
     id: u32,
+    /// See [`Draw`].
+    looks: f64,
     room: Room,
 }
 
@@ -184,11 +193,12 @@ impl Algorithm for Full {
         )]
     }
 
-    fn trace(&self, scenery: &Scenery, sight: &Sight<'_>, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
+    fn trace(&self, scenery: &Scenery, sight: &Sight<'_>, draw: &Draw, stream: &mut Stream, paths: &mut Paths) {
+        let Draw { replicate, hit, looks } = *draw;
         let id = paths.samples.len() as u32;
         let (line, sight) = (*sight, &sight.ray);
-        let Some(hit) = paths.seen(&scenery.world, sight) else {
-            paths.samples.push(Sample::new(replicate, None, 0.0, 0.0));
+        let Some(hit) = hit else {
+            paths.samples.push(Sample::new(replicate, None, 0.0, if looks > 0.0 { 0.0 } else { f64::NAN }));
             if self.directional_sky || sight.direction.cos_zenith() <= 0.0 {
                 paths.look_out(id, sight.direction);
             } else {
@@ -202,14 +212,15 @@ impl Algorithm for Full {
         paths.samples.push(Sample::new(replicate, Some(vertex), hit.t, f64::NAN));
         let past = Past { straight: true, mirrors: 0, by_lobe: false };
         let first = Step { hit, outgoing: -sight.direction, spectrum: ONE, weight: 1.0, begun: 1.0, depth: 1, past };
-        let mut walk = Walk { scenery, sight: line, id, room: std::mem::take(&mut paths.room) };
+        let mut walk = Walk { scenery, sight: line, id, looks, room: std::mem::take(&mut paths.room) };
         walk.room.waiting.push(first);
         while let Some(step) = walk.room.waiting.pop() {
+            paths.looked = step.past.is_looked();
             self.scatter(&mut walk, &step, stream, paths);
         }
-        paths.room = walk.room;
+        (paths.room, paths.looked) = (walk.room, false);
         let sample = &mut paths.samples[id as usize];
-        if sample.sky_view.is_nan() {
+        if looks > 0.0 && sample.sky_view.is_nan() {
             // Nothing Lambertian looked at the sky from there: F is for the truth map alone.
             let direction = hemisphere_direction(&hit, stream);
             let up = direction.cos_zenith() > 0.0;
@@ -263,8 +274,12 @@ impl Full {
             }
             if let Some(spectrum) = of_even
                 && !(self.cached && self.between_points(walk, step, paths))
+                && walk.looks > 0.0
             {
-                self.open(walk, step, vertex, spectrum, stream, paths);
+                let looking = Step { weight: step.weight * walk.looks, ..*step };
+                paths.looked = true;
+                self.open(walk, &looking, vertex, spectrum, stream, paths);
+                paths.looked = false;
             }
             if has_rest {
                 let [a, b] = stream.next2();
@@ -341,7 +356,9 @@ impl Full {
         paths.cache = Some(cache);
         let Some((taken, sky_view)) = taken else { return false };
         paths.taken.push(taken);
-        paths.samples[walk.id as usize].sky_view = sky_view;
+        if walk.looks > 0.0 {
+            paths.samples[walk.id as usize].sky_view = sky_view;
+        }
         true
     }
 
@@ -351,7 +368,7 @@ impl Full {
         let past = Past { straight: true, mirrors: 0, by_lobe: false };
         let outgoing = -sight.ray.direction;
         let first = Step { hit, outgoing, spectrum: ONE, weight: 1.0, begun: 1.0, depth: 1, past };
-        let mut walk = Walk { scenery, sight, id: 0, room: std::mem::take(&mut paths.room) };
+        let mut walk = Walk { scenery, sight, id: 0, looks: 1.0, room: std::mem::take(&mut paths.room) };
         scenery.surface(hit.material).bsdf.lambertian(Frame::about(hit.normal).to_local(outgoing), &mut walk.room.rho);
         let rho = &walk.room.rho;
         let spectrum = paths.times(ONE, |q| rho[q]);

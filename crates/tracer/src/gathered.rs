@@ -10,7 +10,7 @@ use sunglint_radiometry::{Frame, LocalDir, REPLICATES, WorldDir};
 use crate::lamp::Wants;
 use crate::light::Block;
 use crate::paths::{Record, Source};
-use crate::pixel::Term;
+use crate::pixel::{Parts, Term};
 use crate::unseen::{Found, half_of};
 use crate::vectors::{OfReplicates, of_replicates};
 use crate::{Nodes, Paths};
@@ -174,7 +174,7 @@ impl Kind {
 /// Merged records as they are found.
 struct Gathering<'a> {
     paths: &'a Paths,
-    by_term: bool,
+    parts: Parts,
     merged: Vec<Merged>,
     found: FxHashMap<Key, usize>,
     /// The last of each tag: most records follow one of their own kind.
@@ -182,15 +182,15 @@ struct Gathering<'a> {
 }
 
 impl<'a> Gathering<'a> {
-    fn new(paths: &'a Paths, by_term: bool) -> Self {
-        Self { paths, by_term, merged: Vec::new(), found: FxHashMap::default(), last: [usize::MAX; 6] }
+    fn new(paths: &'a Paths, parts: Parts) -> Self {
+        Self { paths, parts, merged: Vec::new(), found: FxHashMap::default(), last: [usize::MAX; 6] }
     }
 
     /// Adds a share of a record to those of its kind.
     fn add(&mut self, record: &Record, share: f64, kind: Kind) {
         let sample = &self.paths.samples[record.sample as usize];
         let spectrum = self.paths.spectrum(record.spectrum);
-        let (cluster, term) = (sample.cluster, term_of(record.term, self.by_term));
+        let (cluster, term) = (sample.cluster, self.parts.of(record));
         let (tag, numbers) = kind.key();
         let last = &mut self.last[usize::from(tag)];
         let is_alike =
@@ -209,14 +209,14 @@ impl<'a> Gathering<'a> {
 }
 
 impl PixelLight {
-    /// Sorts the records of one pixel. With `by_term` the parts of the radiance are kept apart.
-    pub fn new(block: &Block<'_>, records: Range<usize>, by_term: bool) -> Self {
+    /// Sorts the records of one pixel, with parts of the radiance kept apart.
+    pub fn new(block: &Block<'_>, records: Range<usize>, parts: Parts) -> Self {
         let paths = block.paths;
         let record = |i: u32| &paths.records[i as usize];
         let (mut changing, mut grouped) = (Vec::new(), Vec::with_capacity(records.len()));
         let mut glints: Vec<Glints> = Vec::new();
         let mut bundles: Vec<(WorldDir, Vec<u32>)> = Vec::new();
-        let mut gathering = Gathering::new(paths, by_term);
+        let mut gathering = Gathering::new(paths, parts);
         for i in records.start as u32..records.end as u32 {
             let own = record(i);
             match own.source {
@@ -377,25 +377,24 @@ fn patch(first: WorldDir, records: &[u32], patch: u32, gathering: &mut Gathering
     Some((centre, away.cos()))
 }
 
-/// The term that counts, where terms are not kept apart.
-pub(crate) fn term_of(term: Term, by_term: bool) -> Term {
-    if by_term { term } else { Term::DiffuseSun }
-}
-
 /// Radiances of one pixel as they are added up.
 pub(crate) struct Sums<'a> {
     nodes: &'a Nodes,
     /// One over the samples of each replicate.
     each: [f64; REPLICATES],
     pub radiance: Vec<OfReplicates>,
+    /// What of it rays over first surfaces found, where it is kept apart.
+    pub looked: Vec<OfReplicates>,
     pub terms: Vec<(Term, Vec<f64>)>,
-    by_term: bool,
+    parts: Parts,
 }
 
 impl<'a> Sums<'a> {
-    pub fn new(block: &Block<'a>, each: [f64; REPLICATES], by_term: bool) -> Self {
-        let radiance = vec![[0.0; REPLICATES]; block.channels.len()];
-        Self { nodes: block.nodes, each, radiance, terms: Vec::new(), by_term }
+    pub fn new(block: &Block<'a>, each: [f64; REPLICATES], parts: Parts) -> Self {
+        let n = block.channels.len();
+        let radiance = vec![[0.0; REPLICATES]; n];
+        let looked = vec![[0.0; REPLICATES]; if parts == Parts::Looked { n } else { 0 }];
+        Self { nodes: block.nodes, each, radiance, looked, terms: Vec::new(), parts }
     }
 
     /// Adds scale × Σ_q spectrum_q weights_q to each channel.
@@ -440,29 +439,34 @@ impl<'a> Sums<'a> {
 
     /// Lets `add` add to the sums, and to those of a term where they are wanted.
     fn at(&mut self, term: Term, add: impl FnOnce(&mut Adding<'_>)) {
-        let of_term = match self.by_term {
-            true => {
+        let of_term = match self.parts {
+            Parts::Terms => {
                 let at = self.terms.iter().position(|(known, _)| *known == term).unwrap_or_else(|| {
                     self.terms.push((term, vec![0.0; self.radiance.len()]));
                     self.terms.len() - 1
                 });
                 Some(self.terms[at].1.as_mut_slice())
             }
-            false => None,
+            _ => None,
         };
-        add(&mut Adding { radiance: &mut self.radiance, of_term });
+        let looked = (self.parts == Parts::Looked && term == Parts::LOOKED).then_some(self.looked.as_mut_slice());
+        add(&mut Adding { radiance: &mut self.radiance, looked, of_term });
     }
 }
 
 /// What a record is added to.
 struct Adding<'a> {
     radiance: &'a mut [[f64; REPLICATES]],
+    looked: Option<&'a mut [[f64; REPLICATES]]>,
     of_term: Option<&'a mut [f64]>,
 }
 
 impl Adding<'_> {
     fn one(&mut self, c: usize, replicate: usize, value: f64) {
         self.radiance[c][replicate] += value;
+        if let Some(looked) = &mut self.looked {
+            looked[c][replicate] += value;
+        }
         if let Some(of_term) = &mut self.of_term {
             of_term[c] += value / REPLICATES as f64;
         }
@@ -501,7 +505,7 @@ mod tests {
             paths.record(i, ONE, Source::Sky { direction, seen: None }, weight, Term::SpecularSky);
         }
         let records: Vec<u32> = (0..64).collect();
-        let mut gathering = Gathering::new(&paths, true);
+        let mut gathering = Gathering::new(&paths, Parts::Terms);
         let (centre, cos_near) = patch(middle, &records, 0, &mut gathering).expect("64 records far from the horizon");
         assert!(centre.dot(middle) > 1.0 - 1e-9 && cos_near < 1.0);
         let of_merged = |merged: &Merged| match merged.kind {

@@ -23,7 +23,7 @@ use sunglint_radiometry::{REPLICATES, WorldDir};
 
 use crate::hemisphere::Squares;
 use crate::paths::{Paths, RayCounts};
-use crate::pixel::{PixelRadiance, Term};
+use crate::pixel::{Parts, PixelRadiance, Term};
 use crate::render::{Lightable, PixelPaths, View};
 use crate::sightline::Lattice;
 use crate::sun::LastSun;
@@ -287,7 +287,7 @@ impl IrradianceCache {
         &mut self,
         views: &[View<'_>],
         lattice: &Lattice<'_>,
-        by_term: bool,
+        parts: Parts,
         clock: &dyn Fn() -> f64,
         mut each: impl FnMut(usize, usize, RayCounts, f64),
     ) {
@@ -295,7 +295,7 @@ impl IrradianceCache {
         if !self.waiting.is_empty() {
             let n_times = views.iter().map(|view| view.times.len()).sum();
             // A point is the same whichever others wait with it.
-            let lightable = Lightable::new(&views[0], &self.waiting, lattice, &paths, n_times, by_term, true);
+            let lightable = Lightable::new(&views[0], &self.waiting, lattice, &paths, n_times, parts, true);
             self.lit.resize_with(views.len(), Vec::new);
             let mut last = LastSun::default();
             for t in 0..views.iter().map(|view| view.times.len()).max().unwrap_or(0) {

@@ -30,7 +30,7 @@ mod sun;
 mod unseen;
 mod vectors;
 
-pub use algorithm::{Algorithm, BUILTIN, EXACT, Lighting};
+pub use algorithm::{Algorithm, BUILTIN, Draw, EXACT, Lighting};
 pub use allocation::Worth;
 pub use band_means::BandMeans;
 pub use full::FULL;

@@ -10,12 +10,12 @@ use rustc_hash::FxHashMap;
 use smallvec::SmallVec;
 use sunglint_radiometry::{Channels, Frame, LocalDir, REPLICATES, WorldDir};
 
-use crate::gathered::{Glints, Kind, Patch, PixelLight, Run, Sums, term_of};
+use crate::gathered::{Glints, Kind, Patch, PixelLight, Run, Sums};
 use crate::hemisphere::above_horizon;
 use crate::lamp::{Lamp, OfKnot, Wants};
 use crate::mirrors::{Image, Thrower, mirrored};
 use crate::paths::{FacetGroup, Paths, RayCounts, Record, Source, SpectrumId};
-use crate::pixel::PixelRadiance;
+use crate::pixel::{Parts, PixelRadiance};
 use crate::sightline::{Knot, Lattice, Shares};
 use crate::sun::{LastSun, Standing, Sun, SunLight, combined, glint};
 use crate::unseen::unseen;
@@ -221,7 +221,7 @@ impl<'a> BlockLight<'a> {
         counts: &[u32; REPLICATES],
         sights: &[Option<Shares>],
         surface: bool,
-        by_term: bool,
+        parts: Parts,
     ) -> PixelRadiance {
         let n = self.block.channels.len();
         let each = counts.map(|count| 1.0 / f64::from(count.max(1)));
@@ -234,16 +234,16 @@ impl<'a> BlockLight<'a> {
         work.alike.clear();
         work.alike.extend(light.runs.iter().map(|run| self.alike(light, run)));
         let lamps = std::mem::take(&mut work.lamps);
-        let mut sums = Sums::new(self.block, each, by_term);
-        self.gather(light, |cluster| &lamps[cluster].0, by_term, &mut sums, &mut work);
+        let mut sums = Sums::new(self.block, each, parts);
+        self.gather(light, |cluster| &lamps[cluster].0, parts, &mut sums, &mut work);
         let leaving = if surface {
-            let (mut leaving, bare) = (Sums::new(self.block, each, false), self.lights.bare());
-            self.gather(light, |_| bare, false, &mut leaving, &mut work);
+            let (mut leaving, bare) = (Sums::new(self.block, each, parts), self.lights.bare());
+            self.gather(light, |_| bare, parts, &mut leaving, &mut work);
             leaving.radiance
         } else {
             Vec::new()
         };
-        let Sums { mut radiance, terms, .. } = sums;
+        let Sums { mut radiance, looked, terms, .. } = sums;
         let mut upwelled = vec![0.0; n];
         for (q, (_, values)) in lamps[..sights.len()].iter().enumerate() {
             let mut shares = [0.0; REPLICATES];
@@ -257,10 +257,11 @@ impl<'a> BlockLight<'a> {
             let share = shares.iter().sum::<f64>() / REPLICATES as f64;
             upwelled.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
         }
-        let mut lit = [0.0; REPLICATES];
+        let (mut lit, mut looks) = ([0.0; REPLICATES], 0);
         for sample in &self.block.paths.samples[samples] {
             let visible = sample.vertex.map_or(0.0, |vertex| self.sun.visible[vertex as usize]);
             lit[sample.replicate as usize] += visible * each[sample.replicate as usize];
+            looks += u32::from(!sample.sky_view.is_nan());
         }
         let unseen = unseen(self.block, (light, &self.sun), |cluster| &lamps[cluster].0, &self.lights.bare().mean_sky);
         work.lamps = lamps;
@@ -268,12 +269,14 @@ impl<'a> BlockLight<'a> {
         PixelRadiance {
             radiance,
             surface: leaving,
+            looked,
             terms,
             upwelled,
             lit,
             cache_noise: Vec::new(),
             unseen,
             samples: counts.iter().sum(),
+            looks,
         }
     }
 
@@ -282,7 +285,7 @@ impl<'a> BlockLight<'a> {
         &mut self,
         light: &PixelLight,
         lamp_of: impl Fn(usize) -> &'l Lamp + Copy,
-        by_term: bool,
+        parts: Parts,
         sums: &mut Sums<'_>,
         work: &mut Work,
     ) {
@@ -321,7 +324,7 @@ impl<'a> BlockLight<'a> {
             }
             for record in light.grouped[run.records.clone()].iter().map(|i| &paths.records[*i as usize]) {
                 let sample = &paths.samples[record.sample as usize];
-                let (replicate, term) = (usize::from(sample.replicate), term_of(record.term, by_term));
+                let (replicate, term) = (usize::from(sample.replicate), parts.of(record));
                 let lamp = lamp_of(sample.cluster.into());
                 let spectrum = paths.spectrum(record.spectrum);
                 match record.source {
@@ -357,10 +360,10 @@ impl<'a> BlockLight<'a> {
         for record in patched.chain(glints).chain(&light.changing).map(|i| &paths.records[*i as usize]) {
             // What one path sees of the sky from one surface meets the sky's spectra once.
             if let Some(first) = looking.take_if(|first| !record.looks_with(first)) {
-                self.look(first, lamp_of, by_term, sums, work);
+                self.look(first, lamp_of, parts, sums, work);
             }
             let sample = &paths.samples[record.sample as usize];
-            let (replicate, term) = (usize::from(sample.replicate), term_of(record.term, by_term));
+            let (replicate, term) = (usize::from(sample.replicate), parts.of(record));
             let lamp = lamp_of(sample.cluster.into());
             let spectrum = paths.spectrum(record.spectrum);
             match record.source {
@@ -411,7 +414,7 @@ impl<'a> BlockLight<'a> {
             }
         }
         if let Some(first) = looking {
-            self.look(first, lamp_of, by_term, sums, work);
+            self.look(first, lamp_of, parts, sums, work);
         }
     }
 
@@ -420,7 +423,7 @@ impl<'a> BlockLight<'a> {
         &self,
         record: &Record,
         lamp_of: impl Fn(usize) -> &'l Lamp,
-        by_term: bool,
+        parts: Parts,
         sums: &mut Sums<'_>,
         work: &mut Work,
     ) {
@@ -430,7 +433,7 @@ impl<'a> BlockLight<'a> {
         self.lights.mix(&work.looks, &mut work.amounts);
         work.looks.clear();
         self.lights.by_sky(lamp, self.block.nodes, spectrum, &work.amounts, &mut work.values);
-        let term = term_of(record.term, by_term);
+        let term = parts.of(record);
         sums.add_values(sample.replicate.into(), term, work.values.iter().copied(), 1.0);
     }
 

@@ -81,6 +81,8 @@ pub(crate) struct Record {
     pub source: Source,
     pub weight: f64,
     pub term: Term,
+    /// Whether rays over a first surface found it; see [`Draw`](crate::Draw).
+    pub looked: bool,
 }
 
 impl Record {
@@ -101,7 +103,7 @@ pub(crate) struct Sample {
     pub vertex: Option<u32>,
     /// Length of the line of sight \[m\].
     pub range: f64,
-    /// Fraction of the sky seen from the target's facet, as this sample estimates it.
+    /// Fraction of the sky seen from the target's facet, as this sample estimates it; NaN where others look for it.
     pub sky_view: f64,
     /// Share of that for which rays looked: below 0 where one met something, 0 where none was cast.
     pub sky_ray: f64,
@@ -166,6 +168,8 @@ pub struct Paths {
     pub(crate) vertices: Vec<Vertex>,
     pub(crate) records: Vec<Record>,
     pub(crate) rays: RayCounts,
+    /// Whether what is recorded now was found by rays over a first surface.
+    pub(crate) looked: bool,
     /// What samples take of points of the cache, in the order of the samples.
     pub(crate) taken: Vec<Taken>,
     pub(crate) cache: Option<Box<IrradianceCache>>,
@@ -194,6 +198,7 @@ impl Paths {
             vertices: Vec::new(),
             records: Vec::new(),
             rays: RayCounts::default(),
+            looked: false,
             taken: Vec::new(),
             cache: None,
             room: Room { waiting: Vec::new(), rho: vec![0.0; n_nodes], f: vec![0.0; n_nodes] },
@@ -271,7 +276,7 @@ impl Paths {
 
     pub(crate) fn record(&mut self, sample: u32, spectrum: SpectrumId, source: Source, weight: f64, term: Term) {
         if weight != 0.0 {
-            self.records.push(Record { sample, spectrum, source, weight, term });
+            self.records.push(Record { sample, spectrum, source, weight, term, looked: self.looked });
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use sunglint_radiometry::{Estimate, REPLICATES, estimate};
 
+use crate::paths::Record;
 use crate::unseen::{Unseen, missed};
 
 /// Where a part of a pixel's radiance comes from, as `explain` names it.
@@ -57,12 +58,39 @@ impl Term {
     }
 }
 
+/// Which parts of a pixel's radiance are kept apart.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Parts {
+    /// None.
+    Whole,
+    /// What rays over first surfaces found of sky and background, by replicate.
+    Looked,
+    /// All terms, as means.
+    Terms,
+}
+
+impl Parts {
+    /// What rays found, as [`Looked`](Self::Looked) keeps it.
+    pub const LOOKED: Term = Term::DiffuseSky;
+
+    /// The term that a record is kept under.
+    pub fn of(self, record: &Record) -> Term {
+        match self {
+            Self::Terms => record.term,
+            Self::Looked if record.looked => Self::LOOKED,
+            _ => Term::DiffuseSun,
+        }
+    }
+}
+
 /// One pixel's radiance at one time.
 pub(crate) struct PixelRadiance {
     /// Per channel and replicate \[W m⁻² sr⁻¹ µm⁻¹\], channel-major.
     pub radiance: Vec<[f64; REPLICATES]>,
     /// The same before τ₂ and L_u; empty where not asked for.
     pub surface: Vec<[f64; REPLICATES]>,
+    /// What of the radiance rays over first surfaces found of sky and background; empty where not asked for.
+    pub looked: Vec<[f64; REPLICATES]>,
     /// Mean per term and channel at the sensor; empty where not asked for.
     pub terms: Vec<(Term, Vec<f64>)>,
     /// L_u per channel.
@@ -73,16 +101,18 @@ pub(crate) struct PixelRadiance {
     pub cache_noise: Vec<[f64; REPLICATES]>,
     /// What its samples may all have missed.
     pub unseen: Unseen,
-    /// Samples that it is the mean of.
+    /// Samples that it is the mean of, and those that looked at sky and background.
     pub samples: u32,
+    pub looks: u32,
 }
 
 impl PixelRadiance {
     /// Mean and standard error of a channel: that of the replicates, and for what samples that agree may all have missed.
     pub fn estimate(&self, c: usize) -> Estimate {
         let own = estimate(&self.radiance[c]);
-        let unseen = self.unseen[0][c].min(self.unseen[1][c]);
-        let missed = missed(unseen, f64::from(self.samples)).sqrt();
+        let counts = [self.samples, self.looks].map(f64::from);
+        let of_half = |half: &[[f64; 2]]| half[c].iter().zip(counts).map(|(unseen, n)| missed(*unseen, n)).sum::<f64>();
+        let missed = of_half(&self.unseen[0]).min(of_half(&self.unseen[1])).sqrt();
         // Equal replicates keep an error of exactly zero where nothing can be missed, and any other its bits.
         let standard_error = if missed > 0.0 { own.standard_error.hypot(missed) } else { own.standard_error };
         Estimate { standard_error, ..own }
@@ -90,10 +120,14 @@ impl PixelRadiance {
 
     /// Joins first samples, one a replicate, with these means over `counts` more of each.
     pub fn join(&mut self, first: &Self, counts: &[u32; REPLICATES]) {
-        self.samples += first.samples;
         for (own, first) in self.unseen.iter_mut().zip(&first.unseen) {
-            own.iter_mut().zip(first).for_each(|(own, first)| *own = own.min(*first));
+            for (own, first) in own.iter_mut().zip(first) {
+                let sky = if self.looks > 0 { own[1].min(first[1]) } else { first[1] };
+                *own = [own[0].min(first[0]), sky];
+            }
         }
+        self.samples += first.samples;
+        self.looks += first.looks;
         let sets = [(&mut self.radiance, &first.radiance), (&mut self.surface, &first.surface)];
         for (own, first) in sets.into_iter().flat_map(|(own, first)| own.iter_mut().zip(first)) {
             for ((own, first), count) in own.iter_mut().zip(first).zip(counts) {

@@ -13,7 +13,7 @@ use sunglint_plugin::{Args, BindError, Default, Model, ModelInfo, Param};
 use sunglint_radiometry::WorldDir;
 use sunglint_reflectance::{AngularSpectra, Split};
 
-use crate::algorithm::{Algorithm, Lighting};
+use crate::algorithm::{Algorithm, Draw, Lighting};
 use crate::hemisphere::{above_horizon, below_horizon, hemisphere_direction, open_sky_view};
 use crate::paths::{GlintLaw, ONE, Paths, Sample, Source, SpectrumId};
 use crate::pixel::Term;
@@ -259,10 +259,10 @@ impl Algorithm for Published {
         )]
     }
 
-    fn trace(&self, scenery: &Scenery, sight: &Sight<'_>, replicate: u8, stream: &mut Stream, paths: &mut Paths) {
-        let sight = &sight.ray;
+    fn trace(&self, scenery: &Scenery, sight: &Sight<'_>, draw: &Draw, stream: &mut Stream, paths: &mut Paths) {
+        let (sight, Draw { replicate, hit, .. }) = (&sight.ray, *draw);
         let id = paths.samples.len() as u32;
-        let Some(hit) = paths.seen(&scenery.world, sight) else {
+        let Some(hit) = hit else {
             paths.samples.push(Sample::new(replicate, None, 0.0, 0.0));
             paths.look_out(id, sight.direction);
             return;

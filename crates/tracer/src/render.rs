@@ -2,8 +2,9 @@
 
 use std::ops::Range;
 
+use smallvec::SmallVec;
 use sunglint_atmosphere::Path;
-use sunglint_geometry::{Hit, Ray, SoleFacet};
+use sunglint_geometry::{FacetId, Hit, Ray, SoleFacet};
 use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
 use crate::allocation::{First, Worth};
@@ -11,11 +12,11 @@ use crate::gathered::PixelLight;
 use crate::irradiance_cache::{PointShares, shares_of};
 use crate::light::{Block, BlockLight};
 use crate::paths::{Paths, RayCounts};
-use crate::pixel::{PixelRadiance, Term};
+use crate::pixel::{Parts, PixelRadiance, Term};
 use crate::sightline::{self, Lattice, Shares, Sight};
 use crate::sun::LastSun;
 use crate::unseen::half_of;
-use crate::{Algorithm, Lights, Nodes, Scenery, Stream};
+use crate::{Algorithm, Draw, Lights, Nodes, Scenery, Stream};
 
 /// Pixels along a side of a tile: the unit of resuming and of sharing work.
 const TILE: u32 = 32;
@@ -295,15 +296,14 @@ pub fn render_tile_together(views: &[View<'_>], tile: Tile, clock: &dyn Fn() -> 
             match view.accuracy {
                 Accuracy::Samples(n) => {
                     let each = round_to_replicates(n) / REPLICATES as u32;
-                    target.render(tile, &block, &mut paths, |_| [0..each, 0..each], None);
+                    target.render(tile, &block, &mut paths, |_| [Draws::all(each); 2], None);
                 }
                 Accuracy::Error { .. } => {
                     debug_assert_eq!(views.len(), 1, "each view chooses its own number of samples");
                     let watch = &mut target.out[0].1;
                     let first = First::of_block(view, &lattice, tile, &block, &mut paths, watch);
-                    let counts = first.counts(view);
-                    let more = |i: usize| counts[i].map(|n: u32| 1..n);
-                    target.render(tile, &block, &mut paths, more, Some(&first));
+                    let draws = first.draws(view);
+                    target.render(tile, &block, &mut paths, |i| draws[i], Some(&first));
                 }
             }
         }
@@ -333,37 +333,34 @@ struct Target<'a, 'w> {
 }
 
 impl Target<'_, '_> {
-    /// Traces `samples` of each pixel of a block, lights them at every time of every view, joins them with the first samples
-    /// where there are some, and writes the pixels.
+    /// Traces samples of each pixel of a block, lights them at every time of every view, joins them with the first samples
+    /// where there are some, and writes the pixels. `draws` tells all samples of a pixel, the first included.
     fn render(
         &mut self,
         tile: Tile,
         block: &[(u32, u32)],
         paths: &mut Paths,
-        samples: impl Fn(usize) -> [Range<u32>; 2],
+        draws: impl Fn(usize) -> [Draws; 2],
         first: Option<&First>,
     ) {
         let mut pending = Vec::new();
-        let view = &self.views[0];
+        let (view, before) = (&self.views[0], u32::from(first.is_some()));
         for (i, &(x, y)) in block.iter().enumerate() {
             let index = (y * tile.width + x) as usize;
             let pixel = (tile.x + x, tile.y + y);
-            let ranges = samples(i);
-            let n = n_samples(&ranges);
-            let before = first.map_or(0, |_| REPLICATES as u32);
-            self.out[0].0.samples[index] = (n + before) as f32;
-            let mut sky_view = first.map_or(0.0, |first| first.sky_views[i]);
-            if n > 0 {
-                let traced = trace_pixel(view, pixel, i, ranges, paths);
-                let own = mean_sky_view(paths, &traced);
-                sky_view = (sky_view * f64::from(before) + own * f64::from(n)) / f64::from(before + n);
+            let draws = draws(i);
+            self.out[0].0.samples[index] = n_samples(&draws) as f32;
+            let mut sky_view = first.map_or_else(Default::default, |first| first.sky_views[i]);
+            if draws.iter().any(|half| half.samples > before) {
+                let traced = trace_pixel(view, pixel, i, (draws, before), paths);
+                sky_view = sky_view.and(SkyView::of(paths, &traced));
                 pending.push(traced);
             } else if let Some(first) = first {
                 for (t, of_time) in first.times.iter().enumerate() {
                     self.write(0, t, index, &of_time[i]);
                 }
             }
-            truth_of_pixel(view, pixel, index, self.n_pixels, sky_view, paths, &mut self.out[0].0);
+            truth_of_pixel(view, pixel, index, self.n_pixels, sky_view.mean(), paths, &mut self.out[0].0);
             if paths.size() > PATHS_LIMIT {
                 self.light(tile, block, &mut pending, paths, first);
             }
@@ -383,12 +380,12 @@ impl Target<'_, '_> {
         let n_times = self.views.iter().map(|view| view.times.len()).sum();
         if let Some(cache) = &mut paths.cache {
             let (clock, out) = (self.out[0].1.clock, &mut *self.out);
-            cache.light(self.views, self.lattice, false, clock, |v, t, rays, begun| {
+            cache.light(self.views, self.lattice, Parts::Whole, clock, |v, t, rays, begun| {
                 out[v].1.add(t, begun);
                 out[v].0.rays += rays;
             });
         }
-        let lightable = Lightable::new(&self.views[0], pending, self.lattice, paths, n_times, false, false);
+        let lightable = Lightable::new(&self.views[0], pending, self.lattice, paths, n_times, Parts::Whole, false);
         let mut last = LastSun::default();
         // Side by side, times of several views may have one sun.
         for t in 0..self.views.iter().map(|view| view.times.len()).max().unwrap_or(0) {
@@ -427,31 +424,58 @@ impl Target<'_, '_> {
     }
 }
 
-/// Samples of both halves of the replicates.
-fn n_samples(ranges: &[Range<u32>; 2]) -> u32 {
-    (REPLICATES / 2) as u32 * ranges.iter().map(|range| range.end.saturating_sub(range.start)).sum::<u32>()
+/// Samples of each replicate of a half.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Draws {
+    pub samples: u32,
+    /// About how many of these look at sky and background by rays, for all.
+    pub looks: u32,
 }
 
-/// Traces samples of a pixel: of each replicate those of its half's range.
+impl Draws {
+    /// So many samples that all look.
+    pub const fn all(samples: u32) -> Self {
+        Self { samples, looks: samples }
+    }
+}
+
+/// Samples of both halves of the replicates.
+fn n_samples(draws: &[Draws; 2]) -> u32 {
+    (REPLICATES / 2) as u32 * draws.iter().map(|half| half.samples).sum::<u32>()
+}
+
+/// Traces samples of a pixel, of each replicate those from one on.
 pub(crate) fn trace_pixel(
     view: &View<'_>,
     pixel: (u32, u32),
     index: usize,
-    ranges: [Range<u32>; 2],
+    (draws, from): ([Draws; 2], u32),
     paths: &mut Paths,
 ) -> PixelPaths {
     let key = u64::from(pixel.1) * u64::from(view.pixels.0) + u64::from(pixel.0);
-    let of_half = ranges.clone().map(|range| range.end.saturating_sub(range.start));
-    let counts = std::array::from_fn(|replicate| of_half[half_of(replicate as u8)]);
+    let of = |replicate: usize| draws[half_of(replicate as u8)];
+    let counts = std::array::from_fn(|replicate| of(replicate).samples.saturating_sub(from));
     let middle = Sight::new(view.sight, [f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5]);
     let trace = |paths: &mut Paths| {
+        let mut drawn = Vec::new();
         for replicate in 0..REPLICATES as u8 {
             let first = Stream::new(view.seed, view.id, key, replicate.into(), 0);
-            for i in ranges[half_of(replicate)].clone() {
+            let half = draws[half_of(replicate)];
+            drawn.clear();
+            drawn.extend((from..half.samples).map(|i| {
                 let mut stream = first.at(i);
                 let [u, v] = stream.next2();
                 let sight = Sight::new(view.sight, [f64::from(pixel.0) + u, f64::from(pixel.1) + v]);
-                view.algorithm.trace(view.scenery, &sight, replicate, &mut stream, paths);
+                let hit = paths.seen(&view.scenery.world, &sight.ray);
+                (sight, stream, Draw { replicate, hit, looks: 1.0 })
+            }));
+            if half.looks < half.samples {
+                // Numbers of its own.
+                let mut stream = Stream::new(view.seed, view.id, key, REPLICATES as u32 + u32::from(replicate), 0);
+                choose_looks(&mut drawn, half.looks.saturating_sub(from), &mut stream);
+            }
+            for (sight, stream, draw) in &mut drawn {
+                view.algorithm.trace(view.scenery, sight, draw, stream, paths);
             }
         }
     };
@@ -462,10 +486,48 @@ fn round_to_replicates(samples: u32) -> u32 {
     samples.max(1).next_multiple_of(REPLICATES as u32)
 }
 
-/// Mean F over the samples of a pixel.
-pub(crate) fn mean_sky_view(paths: &Paths, pixel: &PixelPaths) -> f64 {
-    let samples = &paths.samples[pixel.samples.clone()];
-    samples.iter().map(|sample| sample.sky_view).sum::<f64>() / samples.len() as f64
+/// Lets about so many of a replicate's samples look for all, the same share of those on each facet and at least one: any with the
+/// same chance, so that the mean is that of all [Neyman1938, double sampling].
+fn choose_looks(drawn: &mut [(Sight<'_>, Stream, Draw)], looks: u32, stream: &mut Stream) {
+    let facet = |draw: &Draw| draw.hit.map(|hit| (hit.facet, hit.front));
+    let share = f64::from(looks) / drawn.len() as f64;
+    let mut facets: SmallVec<[(Option<(FacetId, bool)>, usize); 4]> = SmallVec::new();
+    for (.., draw) in drawn.iter() {
+        match facets.iter_mut().find(|(of, _)| *of == facet(draw)) {
+            Some((_, n)) => *n += 1,
+            None => facets.push((facet(draw), 1)),
+        }
+    }
+    for (of, n) in facets {
+        let looks = ((share * n as f64).round() as usize).clamp(1, n);
+        // Evenly spread along a circle, from anywhere.
+        let begin = stream.next1() * n as f64;
+        let own = drawn.iter_mut().map(|(.., draw)| draw).filter(|draw| facet(draw) == of);
+        for (i, draw) in own.enumerate() {
+            let place = (i as f64 + begin) * looks as f64 / n as f64;
+            let is_look = place.floor() != ((i as f64 + 1.0 + begin) * looks as f64 / n as f64).floor();
+            draw.looks = if is_look { n as f64 / looks as f64 } else { 0.0 };
+        }
+    }
+}
+
+/// F over the samples of a pixel that looked for it: their sum and number.
+#[derive(Clone, Copy, Default)]
+pub(crate) struct SkyView(f64, f64);
+
+impl SkyView {
+    pub fn of(paths: &Paths, pixel: &PixelPaths) -> Self {
+        let told = paths.samples[pixel.samples.clone()].iter().filter(|sample| !sample.sky_view.is_nan());
+        told.fold(Self::default(), |Self(sum, n), sample| Self(sum + sample.sky_view, n + 1.0))
+    }
+
+    fn and(self, other: Self) -> Self {
+        Self(self.0 + other.0, self.1 + other.1)
+    }
+
+    fn mean(self) -> f64 {
+        self.0 / self.1
+    }
 }
 
 /// Traced pixels with all that their times and views share.
@@ -474,18 +536,18 @@ pub(crate) struct Lightable<'a> {
     pixels: Vec<(&'a PixelPaths, PixelLight, Vec<Option<Shares>>)>,
     /// What they take of the cache.
     cached: Vec<PointShares>,
-    by_term: bool,
+    parts: Parts,
 }
 
 impl<'a> Lightable<'a> {
-    /// With `by_term` the parts of the radiance are kept apart, with `apart` nothing is proved of pixels together.
+    /// With parts of the radiance kept apart; with `apart` nothing is proved of pixels together.
     pub fn new(
         view: &View<'a>,
         pixels: &'a [PixelPaths],
         lattice: &'a Lattice<'a>,
         paths: &'a Paths,
         n_times: usize,
-        by_term: bool,
+        parts: Parts,
         apart: bool,
     ) -> Self {
         let vertices = pixels.iter().map(|pixel| pixel.vertices.clone()).collect();
@@ -495,13 +557,13 @@ impl<'a> Lightable<'a> {
             pixel.sights.iter().map(|sight| sight.as_ref().map(of_path)).collect()
         };
         let pixels: Vec<_> = (pixels.iter())
-            .map(|pixel| (pixel, PixelLight::new(&block, pixel.records.clone(), by_term), shares(pixel)))
+            .map(|pixel| (pixel, PixelLight::new(&block, pixel.records.clone(), parts), shares(pixel)))
             .collect();
         let cached = match paths.taken.is_empty() {
             true => Vec::new(),
             false => pixels.iter().map(|(pixel, ..)| shares_of(paths, &paths.taken[pixel.taken.clone()])).collect(),
         };
-        Self { block, pixels, cached, by_term }
+        Self { block, pixels, cached, parts }
     }
 
     /// Lights the pixels at one time of a view and hands each to `each`; `at` is the place of view and time in the cache.
@@ -520,7 +582,7 @@ impl<'a> Lightable<'a> {
         for (i, (pixel, records, sights)) in self.pixels.iter().enumerate() {
             let samples = pixel.samples.clone();
             let counts = &pixel.counts;
-            let mut radiance = light.pixel(records, samples, counts, sights, view.surface_radiance, self.by_term);
+            let mut radiance = light.pixel(records, samples, counts, sights, view.surface_radiance, self.parts);
             if let (Some((cache, at)), Some(shares)) = (&cache, self.cached.get(i).filter(|own| !own.is_empty())) {
                 cache.add(*at, shares, counts, noise, &mut radiance);
             }
@@ -601,21 +663,21 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
     let mut paths = Paths::new(view.nodes.len());
     let lattice = view.lattice();
     view.begin(tile, &lattice, &mut paths);
-    let ranges = match view.accuracy {
-        Accuracy::Samples(n) => [round_to_replicates(n) / REPLICATES as u32; 2].map(|each| 0..each),
+    let draws = match view.accuracy {
+        Accuracy::Samples(n) => [Draws::all(round_to_replicates(n) / REPLICATES as u32); 2],
         Accuracy::Error { .. } => {
             let mut watch = Watch::still(view.times.len());
-            First::of_block(view, &lattice, tile, &block, &mut paths, &mut watch).counts(view)[at].map(|n| 0..n)
+            First::of_block(view, &lattice, tile, &block, &mut paths, &mut watch).draws(view)[at]
         }
     };
-    let n_taken = n_samples(&ranges);
+    let n_taken = n_samples(&draws);
     // What the first samples took of the cache was not told by term.
     paths.cache = None;
     let view = View { surface_radiance: true, times: std::slice::from_ref(&view.times[time]), ..*view };
     view.begin(tile, &lattice, &mut paths);
-    let traced = [trace_pixel(&view, pixel, 0, ranges, &mut paths)];
+    let traced = [trace_pixel(&view, pixel, 0, (draws, 0), &mut paths)];
     if let Some(cache) = &mut paths.cache {
-        cache.light(std::slice::from_ref(&view), &lattice, true, &|| 0.0, |_, _, _, _| {});
+        cache.light(std::slice::from_ref(&view), &lattice, Parts::Terms, &|| 0.0, |_, _, _, _| {});
     }
     let samples = &paths.samples[traced[0].samples.clone()];
     let n = samples.len() as f64;
@@ -625,12 +687,12 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         surface: Vec::new(),
         terms: Vec::new(),
         upwelled: Vec::new(),
-        sky_view: samples.iter().map(|sample| sample.sky_view).sum::<f64>() / n,
+        sky_view: SkyView::of(&paths, &traced[0]).mean(),
         lit: 0.0,
         sights: (traced[0].sights.iter().enumerate()).map(|(q, sight)| (*sight, share(q))).collect(),
         samples: n_taken,
     };
-    let lightable = Lightable::new(&view, &traced, &lattice, &paths, 1, true, false);
+    let lightable = Lightable::new(&view, &traced, &lattice, &paths, 1, Parts::Terms, false);
     lightable.light(&view, &view.times[0], &mut LastSun::default(), Some((0, 0)), |_, lit| {
         out.lit = lit.lit_fraction();
         out.radiance = (0..lit.radiance.len()).map(|c| lit.estimate(c)).collect();

@@ -19,8 +19,8 @@ use crate::paths::{Record, Source};
 use crate::sun::{Standing, SunLight};
 
 /// By half of the replicates and channel the sum of a², a what one sample would change if its ray were stopped, over the facets
-/// and the sky where a ray might be and none of that half was.
-pub(crate) type Unseen = [Vec<f64>; 2];
+/// where a ray to the sun might be and none of that half was; and the same of rays that looked at the sky.
+pub(crate) type Unseen = [Vec<[f64; 2]>; 2];
 
 /// Variance of a mean of n samples for what they may all have missed, from the sum of a².
 pub(crate) fn missed(unseen: f64, n: f64) -> f64 {
@@ -68,13 +68,13 @@ pub(crate) fn unseen<'l>(
     mean_sky: &[f64],
 ) -> Unseen {
     let paths = block.paths;
-    let mut out = [(); 2].map(|()| vec![0.0; block.channels.len()]);
+    let mut out = [(); 2].map(|()| vec![[0.0; 2]; block.channels.len()]);
     let sample = |record: &Record| &paths.samples[record.sample as usize];
-    let mut add = |half: usize, record: &Record, weights: &[f64], scale: f64| {
+    let mut add = |(half, of): (usize, usize), record: &Record, weights: &[f64], scale: f64| {
         let products = block.nodes.products(paths.spectrum(record.spectrum), weights);
         for (sum, product) in out[half].iter_mut().zip(products) {
             let value = scale * record.weight * product;
-            *sum += value * value;
+            sum[of] += value * value;
         }
     };
     for run in light.runs.iter().filter(|run| sun.groups[run.group as usize] == Standing::Mixed) {
@@ -95,13 +95,13 @@ pub(crate) fn unseen<'l>(
         }
         for (half, free) in found.agreeing().into_iter().enumerate() {
             let Some((record, cos)) = free else { continue };
-            add(half, record, &lamp_of(sample(record).cluster.into()).beam, cos);
+            add((half, 0), record, &lamp_of(sample(record).cluster.into()).beam, cos);
         }
     }
     for (half, free) in light.all_sky.iter().enumerate() {
         let Some((i, share)) = *free else { continue };
         // A record of the sun has a factor 1/π.
-        add(half, &paths.records[i as usize], mean_sky, PI * share);
+        add((half, 1), &paths.records[i as usize], mean_sky, PI * share);
     }
     out
 }
