@@ -28,6 +28,11 @@ impl SoleFacet {
     /// side of one convex facet, or where it is not proved that nothing stands before it.
     pub fn of(world: &World, rays: &[Ray]) -> Option<Self> {
         let hits: Vec<Hit> = rays.iter().map(|ray| world.closest(ray)).collect::<Option<_>>()?;
+        Self::of_hits(world, rays, &hits)
+    }
+
+    /// The same where it is known what each of the rays meets.
+    pub fn of_hits(world: &World, rays: &[Ray], hits: &[Hit]) -> Option<Self> {
         let first = *hits.first()?;
         let is_same = |hit: &Hit| hit.facet == first.facet && hit.front == first.front && hit.normal == first.normal;
         if !hits.iter().all(is_same) || rays.iter().any(|ray| ray.t_max != f64::INFINITY) {

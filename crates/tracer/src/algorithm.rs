@@ -46,6 +46,24 @@ pub trait Algorithm: Send + Sync {
     /// Traces one sample along `sight` and appends it to `paths`.
     fn trace(&self, scenery: &Scenery, sight: &Sight<'_>, draw: &Draw, stream: &mut Stream, paths: &mut Paths);
 
+    /// Whether it knows pixels of which one sample tells all.
+    fn knows_even(&self) -> bool {
+        false
+    }
+
+    /// Traces a sample through the middle of a pixel that sees one side of one plane facet, to stand for all of the pixel wherever
+    /// the sun stands to the whole of it alike; false, with nothing appended, where samples might differ.
+    fn trace_even(
+        &self,
+        _scenery: &Scenery,
+        _sight: &Sight<'_>,
+        _hit: &Hit,
+        _stream: &mut Stream,
+        _paths: &mut Paths,
+    ) -> bool {
+        false
+    }
+
     /// What it will not compute for this scenery and why, one line each, for the plan.
     fn skips(&self, scenery: &Scenery) -> Vec<String>;
 

@@ -6,10 +6,11 @@ use sunglint_geometry::{FacetId, MaterialId};
 use sunglint_radiometry::{REPLICATES, estimate};
 
 use crate::Accuracy;
+use crate::even::Even;
 use crate::paths::{Paths, RayCounts};
 use crate::pixel::{Parts, PixelRadiance};
 use crate::render::{
-    BLOCK, Draws, Lightable, PixelPaths, SkyView, Tile, View, Watch, block_at, pixels_of, trace_pixel,
+    BLOCK, Draws, Lightable, PixelPaths, Proofs, SkyView, Tile, View, Watch, block_at, pixels_of, trace_pixel,
 };
 use crate::sightline::Lattice;
 use crate::sun::LastSun;
@@ -58,7 +59,8 @@ impl First {
                 watch.add(t, begun);
             });
         }
-        let lightable = Lightable::new(view, &traced, lattice, paths, view.times.len(), Parts::Looked, false);
+        let lightable =
+            Lightable::new(view, &traced, lattice, paths, view.times.len(), Parts::Looked, Proofs::Together);
         let mut last = LastSun::default();
         let times = (view.times.iter().enumerate())
             .map(|(t, time)| {
@@ -151,7 +153,8 @@ impl First {
             let (u, v) = self.block[*j];
             x.abs_diff(u) <= 1 && y.abs_diff(v) <= 1 && self.materials[*j] == self.materials[i]
         };
-        let (sum, n) = (0..self.block.len()).filter(near).fold((DVec2::ZERO, 0.0), |(sum, n), j| (sum + value(j), n + 1.0));
+        let (sum, n) =
+            (0..self.block.len()).filter(near).fold((DVec2::ZERO, 0.0), |(sum, n), j| (sum + value(j), n + 1.0));
         sum / f64::max(n, 1.0)
     }
 }
@@ -200,6 +203,14 @@ impl Spread {
 }
 
 impl Seen {
+    /// Of a pixel that one sample tells.
+    fn even(radiance: &PixelRadiance, c: usize) -> Self {
+        let mean = radiance.estimate(c).mean;
+        let noise = radiance.cache_noise.get(c).map_or(0.0, |noise| estimate(noise).standard_error);
+        let spread = Spread { whole: DVec2::ZERO, looked: 0.0, least_looks: 1.0 };
+        Self { mean, spread, shared: noise * noise * REPLICATES as f64, unseen: 0.0 }
+    }
+
     fn new(values: &[f64], looked: &[f64], kinds: &[(Option<FacetId>, bool)]) -> Self {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
         let facets = (0..kinds.len()).filter(|i| kinds[..*i].iter().all(|(facet, _)| *facet != kinds[*i].0)).count();
@@ -327,14 +338,32 @@ impl Worth {
         let mut before = 0;
         for tile in places {
             let block = pixels_of(tile);
-            let mut watch = Watch::still(view.times.len());
             view.begin(tile, &lattice, &mut paths);
-            let first = First::of_block(view, &lattice, tile, &block, &mut paths, &mut watch);
-            let of_block = (before..before + block.len()).map(|i| i % step == 0);
-            for (at, seen) in seen.iter_mut().enumerate() {
-                let half = |half| first.seen(at / n_channels, at % n_channels, half);
-                let both = first.heard(&half(0)).into_iter().zip(half(1)).zip(of_block.clone());
-                seen.extend(both.filter_map(|(both, is_told)| is_told.then_some(both)));
+            // By time and channel, and pixel.
+            let mut of_block = vec![vec![None; block.len()]; seen.len()];
+            let tell = |pixel: &PixelPaths, (_, t): (usize, usize), radiance: PixelRadiance| {
+                for c in 0..n_channels {
+                    let own = Seen::even(&radiance, c);
+                    of_block[t * n_channels + c][pixel.index] = Some((own, own));
+                }
+            };
+            let (one, still) = (std::slice::from_ref(view), || 0.0);
+            let even =
+                Even::of_block((one, &lattice), (tile, &block), &mut paths, Parts::Whole, &still, tell, |_, _, _| {});
+            if !even.rest.is_empty() {
+                let mut watch = Watch::still(view.times.len());
+                let first = First::of_block(view, &lattice, tile, &even.rest, &mut paths, &mut watch);
+                let place = |pixel: &(u32, u32)| (pixel.1 * tile.width + pixel.0) as usize;
+                for (at, of_block) in of_block.iter_mut().enumerate() {
+                    let half = |half| first.seen(at / n_channels, at % n_channels, half);
+                    for (pixel, own) in even.rest.iter().zip(first.heard(&half(0)).into_iter().zip(half(1))) {
+                        of_block[place(pixel)].get_or_insert(own);
+                    }
+                }
+            }
+            for (seen, of_block) in seen.iter_mut().zip(of_block) {
+                let told = (before..).zip(of_block).filter(|(i, _)| i % step == 0);
+                seen.extend(told.filter_map(|(_, own)| own));
             }
             before += block.len();
         }

@@ -228,6 +228,56 @@ impl Algorithm for Full {
             sample.sky_view = f64::from(u8::from(up && !scenery.world.occluded(&hit.leave(direction))));
         }
     }
+
+    fn knows_even(&self) -> bool {
+        self.cached
+    }
+
+    fn trace_even(
+        &self,
+        scenery: &Scenery,
+        sight: &Sight<'_>,
+        hit: &Hit,
+        stream: &mut Stream,
+        paths: &mut Paths,
+    ) -> bool {
+        let surface = scenery.surface(hit.material);
+        let by_mirrors = self.caustics && self.goes_on(1) && !scenery.mirrors.is_empty();
+        if !self.cached || by_mirrors || surface.bsdf.lobes() != (Lobes { diffuse: true, ..Lobes::default() }) {
+            return false;
+        }
+        let outgoing = -sight.ray.direction;
+        let mut room = std::mem::take(&mut paths.room);
+        let even = surface.bsdf.lambertian(Frame::about(hit.normal).to_local(outgoing), &mut room.rho);
+        let id = paths.samples.len() as u32;
+        paths.samples.push(Sample::new(0, Some(paths.vertices.len() as u32), hit.t, 0.0));
+        let past = Past { straight: true, mirrors: 0, by_lobe: false };
+        let step = Step { hit: *hit, outgoing, spectrum: ONE, weight: 1.0, begun: 1.0, depth: 1, past };
+        let mut walk = Walk { scenery, sight: *sight, id, looks: 1.0, room };
+        let is_open = hit.normal.z == 1.0 && scenery.world.is_open(hit.facet, hit.front);
+        let is_even = even == 1.0 && (is_open || self.between_points(&mut walk, &step, paths));
+        paths.room = walk.room;
+        if !is_even {
+            paths.samples.truncate(id as usize);
+            return false;
+        }
+        if let Some(emission) = surface.emission.as_ref().filter(|_| hit.front) {
+            let spectrum = paths.times(ONE, |q| emission[q]);
+            paths.record(id, spectrum, Source::Own, 1.0, Term::Emission);
+        }
+        let vertex = paths.vertex(*hit, true, stream.later());
+        let room = std::mem::take(&mut paths.room);
+        let spectrum = paths.times(ONE, |q| room.rho[q]);
+        paths.room = room;
+        paths.record(id, spectrum, Source::Sun { vertex }, 1.0 / PI, Term::DiffuseSun);
+        if is_open {
+            paths.rays.hemisphere_open += 1;
+            let (source, share) = self.whole_sky(hit);
+            paths.record(id, spectrum, source, share, Term::DiffuseSky);
+            paths.samples[id as usize].sky_view = 1.0;
+        }
+        true
+    }
 }
 
 impl Full {

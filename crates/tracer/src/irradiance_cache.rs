@@ -24,7 +24,7 @@ use sunglint_radiometry::{REPLICATES, WorldDir};
 use crate::hemisphere::Squares;
 use crate::paths::{Paths, RayCounts};
 use crate::pixel::{Parts, PixelRadiance, Term};
-use crate::render::{Lightable, PixelPaths, View};
+use crate::render::{Lightable, PixelPaths, Proofs, View};
 use crate::sightline::Lattice;
 use crate::sun::LastSun;
 use crate::{Accuracy, Sight};
@@ -295,7 +295,7 @@ impl IrradianceCache {
         if !self.waiting.is_empty() {
             let n_times = views.iter().map(|view| view.times.len()).sum();
             // A point is the same whichever others wait with it.
-            let lightable = Lightable::new(&views[0], &self.waiting, lattice, &paths, n_times, parts, true);
+            let lightable = Lightable::new(&views[0], &self.waiting, lattice, &paths, n_times, parts, Proofs::Apart);
             self.lit.resize_with(views.len(), Vec::new);
             let mut last = LastSun::default();
             for t in 0..views.iter().map(|view| view.times.len()).max().unwrap_or(0) {

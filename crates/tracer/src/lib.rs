@@ -9,6 +9,7 @@
 mod algorithm;
 mod allocation;
 mod band_means;
+mod even;
 mod full;
 mod gathered;
 mod hemisphere;

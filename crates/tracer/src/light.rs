@@ -16,6 +16,7 @@ use crate::lamp::{Lamp, OfKnot, Wants};
 use crate::mirrors::{Image, Thrower, mirrored};
 use crate::paths::{FacetGroup, Paths, RayCounts, Record, Source, SpectrumId};
 use crate::pixel::{Parts, PixelRadiance};
+use crate::render::Proofs;
 use crate::sightline::{Knot, Lattice, Shares};
 use crate::sun::{LastSun, Standing, Sun, SunLight, combined, glint};
 use crate::unseen::unseen;
@@ -33,6 +34,8 @@ pub(crate) struct Block<'a> {
     pub of_vertices: Vec<u32>,
     /// Vertices of each pixel.
     pub pixels: Vec<Range<usize>>,
+    /// What is proved of them.
+    pub proofs: Proofs,
     lattice: &'a Lattice<'a>,
     has_caustics: bool,
     has_scatter: bool,
@@ -43,7 +46,6 @@ pub(crate) struct Block<'a> {
 }
 
 impl<'a> Block<'a> {
-    /// With `apart` nothing is proved of points of several pixels together.
     pub fn new(
         scenery: &'a Scenery,
         paths: &'a Paths,
@@ -51,9 +53,9 @@ impl<'a> Block<'a> {
         (channels, nodes): (&'a Channels, &'a Nodes),
         lattice: &'a Lattice<'a>,
         n_times: usize,
-        apart: bool,
+        proofs: Proofs,
     ) -> Self {
-        let (groups, of_vertices) = paths.facet_groups(&pixels, apart);
+        let (groups, of_vertices) = paths.facet_groups(&pixels, proofs);
         let has_caustics = paths.records.iter().any(|record| matches!(record.source, Source::Caustic { .. }));
         let has_scatter = paths.records.iter().any(|record| matches!(record.source, Source::Scatter { .. }));
         let n = if n_times > 1 { paths.vertices.len() } else { 0 };
@@ -66,6 +68,7 @@ impl<'a> Block<'a> {
             groups,
             of_vertices,
             pixels,
+            proofs,
             lattice,
             has_caustics,
             has_scatter,
@@ -164,6 +167,11 @@ impl<'a> BlockLight<'a> {
     /// Rays cast so far.
     pub const fn rays(&self) -> RayCounts {
         self.rays
+    }
+
+    /// Whether the sun is proved to stand alike to all of the points of a vertex's group.
+    pub fn is_proved(&self, vertex: usize) -> bool {
+        self.sun.groups[self.block.of_vertices[vertex] as usize] != Standing::Mixed
     }
 
     /// The lamp and L_u of a cluster; without τ₂ where there is no path.

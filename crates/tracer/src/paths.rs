@@ -10,6 +10,7 @@ use sunglint_radiometry::{LocalDir, WorldDir};
 use crate::hemisphere::Horizons;
 use crate::irradiance_cache::{IrradianceCache, Taken};
 use crate::pixel::Term;
+use crate::render::Proofs;
 use crate::sampler::{Pair, concentric_disk};
 
 /// Index of a spectrum of [`Paths`]: a product of reflectances at the nodes. 0 is 1 throughout.
@@ -294,8 +295,8 @@ pub(crate) struct FacetGroup {
 
 impl Paths {
     /// Vertices by facet and side, first surfaces of a path apart from later ones, in order of first appearance; and the group
-    /// of each vertex. With `apart` those of each pixel by themselves.
-    pub(crate) fn facet_groups(&self, pixels: &[Range<usize>], apart: bool) -> (Vec<FacetGroup>, Vec<u32>) {
+    /// of each vertex.
+    pub(crate) fn facet_groups(&self, pixels: &[Range<usize>], proofs: Proofs) -> (Vec<FacetGroup>, Vec<u32>) {
         let mut index: FxHashMap<(FacetId, bool, bool, usize), usize> = FxHashMap::default();
         let mut groups: Vec<FacetGroup> = Vec::new();
         let mut of_vertices = Vec::with_capacity(self.vertices.len());
@@ -305,7 +306,7 @@ impl Paths {
         for (pixel, i) in of_pixels {
             let vertex = &self.vertices[i];
             let hit = &vertex.hit;
-            let key = (hit.facet, hit.front, vertex.first, if apart { pixel } else { 0 });
+            let key = (hit.facet, hit.front, vertex.first, if proofs == Proofs::Together { 0 } else { pixel });
             let known = last.filter(|(last, _)| *last == key).map(|(_, at)| at);
             let at = known.unwrap_or_else(|| {
                 *index.entry(key).or_insert_with(|| {

@@ -118,6 +118,17 @@ impl PixelRadiance {
         Estimate { standard_error, ..own }
     }
 
+    /// Lets the first replicate, which alone has a sample, speak for all.
+    pub fn spread(&mut self) {
+        for values in self.radiance.iter_mut().chain(&mut self.surface).chain(&mut self.looked) {
+            *values = [values[0]; REPLICATES];
+        }
+        self.lit = [self.lit[0]; REPLICATES];
+        let means = self.terms.iter_mut().map(|(_, means)| means).chain([&mut self.upwelled]);
+        means.flatten().for_each(|mean| *mean *= REPLICATES as f64);
+        (self.samples, self.looks) = (1, 1);
+    }
+
     /// Joins first samples, one a replicate, with these means over `counts` more of each.
     pub fn join(&mut self, first: &Self, counts: &[u32; REPLICATES]) {
         for (own, first) in self.unseen.iter_mut().zip(&first.unseen) {

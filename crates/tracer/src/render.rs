@@ -8,6 +8,7 @@ use sunglint_geometry::{FacetId, Hit, Ray, SoleFacet};
 use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
 use crate::allocation::{First, Worth};
+use crate::even::Even;
 use crate::gathered::PixelLight;
 use crate::irradiance_cache::{PointShares, shares_of};
 use crate::light::{Block, BlockLight};
@@ -184,7 +185,7 @@ impl TileResult {
 /// A traced pixel within [`Paths`].
 pub(crate) struct PixelPaths {
     /// Where it belongs in the output.
-    index: usize,
+    pub index: usize,
     records: Range<usize>,
     pub samples: Range<usize>,
     vertices: Range<usize>,
@@ -293,17 +294,20 @@ pub fn render_tile_together(views: &[View<'_>], tile: Tile, clock: &dyn Fn() -> 
             let (x, y) = (tile.x + bx, tile.y + by);
             let (width, height) = (BLOCK.min(tile.width - bx), BLOCK.min(tile.height - by));
             view.begin(Tile { x, y, width, height }, &lattice, &mut paths);
+            let even = target.tell((tile, &block), &mut paths);
             match view.accuracy {
                 Accuracy::Samples(n) => {
                     let each = round_to_replicates(n) / REPLICATES as u32;
-                    target.render(tile, &block, &mut paths, |_| [Draws::all(each); 2], None);
+                    target.render(tile, &even, &mut paths, |_| [Draws::all(each); 2], None);
                 }
                 Accuracy::Error { .. } => {
                     debug_assert_eq!(views.len(), 1, "each view chooses its own number of samples");
                     let watch = &mut target.out[0].1;
-                    let first = First::of_block(view, &lattice, tile, &block, &mut paths, watch);
-                    let draws = first.draws(view);
-                    target.render(tile, &block, &mut paths, |i| draws[i], Some(&first));
+                    if !even.rest.is_empty() {
+                        let first = First::of_block(view, &lattice, tile, &even.rest, &mut paths, watch);
+                        let draws = first.draws(view);
+                        target.render(tile, &even, &mut paths, |i| draws[i], Some(&first));
+                    }
                 }
             }
         }
@@ -333,19 +337,45 @@ struct Target<'a, 'w> {
 }
 
 impl Target<'_, '_> {
-    /// Traces samples of each pixel of a block, lights them at every time of every view, joins them with the first samples
+    /// Writes what is known of a block without sampling.
+    fn tell(&mut self, (tile, block): (Tile, &[(u32, u32)]), paths: &mut Paths) -> Even {
+        let (views, lattice, clock) = (self.views, self.lattice, self.out[0].1.clock);
+        let index = |(x, y): (u32, u32)| (y * tile.width + x) as usize;
+        let mut spent = Vec::new();
+        let even = Even::of_block(
+            (views, lattice),
+            (tile, block),
+            paths,
+            Parts::Whole,
+            clock,
+            |pixel, (v, t), radiance| self.write(v, t, index(block[pixel.index]), &radiance),
+            |at, rays, begun| spent.push((at, rays, clock() - begun)),
+        );
+        for ((v, t), rays, seconds) in spent {
+            self.out[v].0.rays += rays;
+            self.out[v].1.light[t] += seconds;
+        }
+        for &((x, y), sky_view) in &even.told {
+            self.out[0].0.samples[index((x, y))] = 1.0;
+            let pixel = (tile.x + x, tile.y + y);
+            truth_of_pixel(&self.views[0], pixel, index((x, y)), self.n_pixels, sky_view, paths, &mut self.out[0].0);
+        }
+        even
+    }
+
+    /// Traces samples of each pixel of the rest of a block, lights them at every time of every view, joins them with the first samples
     /// where there are some, and writes the pixels. `draws` tells all samples of a pixel, the first included.
     fn render(
         &mut self,
         tile: Tile,
-        block: &[(u32, u32)],
+        even: &Even,
         paths: &mut Paths,
         draws: impl Fn(usize) -> [Draws; 2],
         first: Option<&First>,
     ) {
         let mut pending = Vec::new();
         let (view, before) = (&self.views[0], u32::from(first.is_some()));
-        for (i, &(x, y)) in block.iter().enumerate() {
+        for (i, &(x, y)) in even.rest.iter().enumerate() {
             let index = (y * tile.width + x) as usize;
             let pixel = (tile.x + x, tile.y + y);
             let draws = draws(i);
@@ -356,23 +386,23 @@ impl Target<'_, '_> {
                 sky_view = sky_view.and(SkyView::of(paths, &traced));
                 pending.push(traced);
             } else if let Some(first) = first {
-                for (t, of_time) in first.times.iter().enumerate() {
+                for (t, of_time) in first.times.iter().enumerate().filter(|(t, _)| !even.is_done(i, (0, *t))) {
                     self.write(0, t, index, &of_time[i]);
                 }
             }
             truth_of_pixel(view, pixel, index, self.n_pixels, sky_view.mean(), paths, &mut self.out[0].0);
             if paths.size() > PATHS_LIMIT {
-                self.light(tile, block, &mut pending, paths, first);
+                self.light(tile, even, &mut pending, paths, first);
             }
         }
-        self.light(tile, block, &mut pending, paths, first);
+        self.light(tile, even, &mut pending, paths, first);
     }
 
     /// Lights the pending pixels at every time, writes them out and drops their paths.
     fn light(
         &mut self,
         tile: Tile,
-        block: &[(u32, u32)],
+        even: &Even,
         pending: &mut Vec<PixelPaths>,
         paths: &mut Paths,
         first: Option<&First>,
@@ -385,7 +415,8 @@ impl Target<'_, '_> {
                 out[v].0.rays += rays;
             });
         }
-        let lightable = Lightable::new(&self.views[0], pending, self.lattice, paths, n_times, Parts::Whole, false);
+        let lightable =
+            Lightable::new(&self.views[0], pending, self.lattice, paths, n_times, Parts::Whole, Proofs::Together);
         let mut last = LastSun::default();
         // Side by side, times of several views may have one sun.
         for t in 0..self.views.iter().map(|view| view.times.len()).max().unwrap_or(0) {
@@ -393,7 +424,10 @@ impl Target<'_, '_> {
                 let Some(time) = view.times.get(t) else { continue };
                 let begun = (self.out[v].1.clock)();
                 let rays = lightable.light(view, time, &mut last, Some((v, t)), |pixel, mut radiance| {
-                    let (x, y) = block[pixel.index];
+                    if even.is_done(pixel.index, (v, t)) {
+                        return;
+                    }
+                    let (x, y) = even.rest[pixel.index];
                     if let Some(first) = first {
                         radiance.join(&first.times[t][pixel.index], &pixel.counts);
                     }
@@ -491,7 +525,8 @@ fn round_to_replicates(samples: u32) -> u32 {
 fn choose_looks(drawn: &mut [(Sight<'_>, Stream, Draw)], looks: u32, stream: &mut Stream) {
     let facet = |draw: &Draw| draw.hit.map(|hit| (hit.facet, hit.front));
     let share = f64::from(looks) / drawn.len() as f64;
-    let mut facets: SmallVec<[(Option<(FacetId, bool)>, usize); 4]> = SmallVec::new();
+    type Seen = Option<(FacetId, bool)>;
+    let mut facets: SmallVec<[(Seen, usize); 4]> = SmallVec::new();
     for (.., draw) in drawn.iter() {
         match facets.iter_mut().find(|(of, _)| *of == facet(draw)) {
             Some((_, n)) => *n += 1,
@@ -525,9 +560,20 @@ impl SkyView {
         Self(self.0 + other.0, self.1 + other.1)
     }
 
-    fn mean(self) -> f64 {
+    pub fn mean(self) -> f64 {
         self.0 / self.1
     }
+}
+
+/// What is proved of the sun at the points of pixels that are lit together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Proofs {
+    /// Of all pixels' points on a facet.
+    Together,
+    /// Of each pixel's by themselves.
+    Apart,
+    /// The same, and a pixel of which nothing is proved is not lit; its one sample speaks for all replicates.
+    Alone,
 }
 
 /// Traced pixels with all that their times and views share.
@@ -540,7 +586,7 @@ pub(crate) struct Lightable<'a> {
 }
 
 impl<'a> Lightable<'a> {
-    /// With parts of the radiance kept apart; with `apart` nothing is proved of pixels together.
+    /// With parts of the radiance kept apart.
     pub fn new(
         view: &View<'a>,
         pixels: &'a [PixelPaths],
@@ -548,10 +594,10 @@ impl<'a> Lightable<'a> {
         paths: &'a Paths,
         n_times: usize,
         parts: Parts,
-        apart: bool,
+        proofs: Proofs,
     ) -> Self {
         let vertices = pixels.iter().map(|pixel| pixel.vertices.clone()).collect();
-        let block = Block::new(view.scenery, paths, vertices, (view.channels, view.nodes), lattice, n_times, apart);
+        let block = Block::new(view.scenery, paths, vertices, (view.channels, view.nodes), lattice, n_times, proofs);
         let shares = |pixel: &PixelPaths| {
             let of_path = |path: &Path| lattice.shares(pixel.middle, path.length);
             pixel.sights.iter().map(|sight| sight.as_ref().map(of_path)).collect()
@@ -559,10 +605,14 @@ impl<'a> Lightable<'a> {
         let pixels: Vec<_> = (pixels.iter())
             .map(|pixel| (pixel, PixelLight::new(&block, pixel.records.clone(), parts), shares(pixel)))
             .collect();
-        let cached = match paths.taken.is_empty() {
+        let mut cached = match paths.taken.is_empty() {
             true => Vec::new(),
             false => pixels.iter().map(|(pixel, ..)| shares_of(paths, &paths.taken[pixel.taken.clone()])).collect(),
         };
+        if proofs == Proofs::Alone {
+            let shares = cached.iter_mut().flatten().map(|(_, shares): &mut (u32, [f64; REPLICATES])| shares);
+            shares.for_each(|shares| *shares = [shares[0]; REPLICATES]);
+        }
         Self { block, pixels, cached, parts }
     }
 
@@ -579,10 +629,17 @@ impl<'a> Lightable<'a> {
         let cache = self.block.paths.cache.as_ref().zip(at);
         // Only who chooses numbers of samples asks.
         let noise = matches!(view.accuracy, Accuracy::Error { .. });
+        let alone = self.block.proofs == Proofs::Alone;
         for (i, (pixel, records, sights)) in self.pixels.iter().enumerate() {
+            if alone && !light.is_proved(pixel.vertices.start) {
+                continue;
+            }
             let samples = pixel.samples.clone();
             let counts = &pixel.counts;
             let mut radiance = light.pixel(records, samples, counts, sights, view.surface_radiance, self.parts);
+            if alone {
+                radiance.spread();
+            }
             if let (Some((cache, at)), Some(shares)) = (&cache, self.cached.get(i).filter(|own| !own.is_empty())) {
                 cache.add(*at, shares, counts, noise, &mut radiance);
             }
@@ -663,42 +720,68 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
     let mut paths = Paths::new(view.nodes.len());
     let lattice = view.lattice();
     view.begin(tile, &lattice, &mut paths);
+    let terms = |pixel: &PixelPaths, lit: PixelRadiance, sky_view: f64, share: &dyn Fn(usize) -> f64| PixelTerms {
+        radiance: (0..lit.radiance.len()).map(|c| lit.estimate(c)).collect(),
+        surface: lit.surface.iter().map(|replicates| estimate(replicates)).collect(),
+        lit: lit.lit_fraction(),
+        samples: lit.samples,
+        terms: lit.terms,
+        upwelled: lit.upwelled,
+        sky_view,
+        sights: pixel.sights.iter().enumerate().map(|(q, sight)| (*sight, share(q))).collect(),
+    };
+    let alone = View { surface_radiance: true, times: std::slice::from_ref(&view.times[time]), ..*view };
+    let (one, still) = (std::slice::from_ref(&alone), || 0.0);
+    let mut out = None;
+    let each = |pixel: &PixelPaths, _: (usize, usize), lit: PixelRadiance| {
+        if pixel.index == at {
+            out = Some(terms(pixel, lit, f64::NAN, &|_| 1.0));
+        }
+    };
+    let even = Even::of_block((one, &lattice), (tile, &block), &mut paths, Parts::Terms, &still, each, |_, _, _| {});
+    if let Some(mut out) = out {
+        let told = even.told.iter().find(|(place, _)| *place == block[at]);
+        out.sky_view = told.map_or(f64::NAN, |(_, sky_view)| *sky_view);
+        return out;
+    }
+    // What others took of the cache was not told by term.
+    paths.cache = None;
+    view.begin(tile, &lattice, &mut paths);
     let draws = match view.accuracy {
         Accuracy::Samples(n) => [Draws::all(round_to_replicates(n) / REPLICATES as u32); 2],
         Accuracy::Error { .. } => {
             let mut watch = Watch::still(view.times.len());
-            First::of_block(view, &lattice, tile, &block, &mut paths, &mut watch).draws(view)[at]
+            let still = || 0.0;
+            let whole = std::slice::from_ref(view);
+            let even = Even::of_block(
+                (whole, &lattice),
+                (tile, &block),
+                &mut paths,
+                Parts::Whole,
+                &still,
+                |_, _, _| {},
+                |_, _, _| {},
+            );
+            let rest =
+                even.rest.iter().position(|place| *place == block[at]).expect("a pixel that is not told is left");
+            First::of_block(view, &lattice, tile, &even.rest, &mut paths, &mut watch).draws(view)[rest]
         }
     };
-    let n_taken = n_samples(&draws);
-    // What the first samples took of the cache was not told by term.
     paths.cache = None;
-    let view = View { surface_radiance: true, times: std::slice::from_ref(&view.times[time]), ..*view };
     view.begin(tile, &lattice, &mut paths);
-    let traced = [trace_pixel(&view, pixel, 0, (draws, 0), &mut paths)];
+    let traced = [trace_pixel(&alone, pixel, 0, (draws, 0), &mut paths)];
     if let Some(cache) = &mut paths.cache {
-        cache.light(std::slice::from_ref(&view), &lattice, Parts::Terms, &|| 0.0, |_, _, _, _| {});
+        cache.light(one, &lattice, Parts::Terms, &still, |_, _, _, _| {});
     }
     let samples = &paths.samples[traced[0].samples.clone()];
-    let n = samples.len() as f64;
-    let share = |q: usize| samples.iter().filter(|sample| usize::from(sample.cluster) == q).count() as f64 / n;
-    let mut out = PixelTerms {
-        radiance: Vec::new(),
-        surface: Vec::new(),
-        terms: Vec::new(),
-        upwelled: Vec::new(),
-        sky_view: SkyView::of(&paths, &traced[0]).mean(),
-        lit: 0.0,
-        sights: (traced[0].sights.iter().enumerate()).map(|(q, sight)| (*sight, share(q))).collect(),
-        samples: n_taken,
+    let share = |q: usize| {
+        samples.iter().filter(|sample| usize::from(sample.cluster) == q).count() as f64 / samples.len() as f64
     };
-    let lightable = Lightable::new(&view, &traced, &lattice, &paths, 1, Parts::Terms, false);
-    lightable.light(&view, &view.times[0], &mut LastSun::default(), Some((0, 0)), |_, lit| {
-        out.lit = lit.lit_fraction();
-        out.radiance = (0..lit.radiance.len()).map(|c| lit.estimate(c)).collect();
-        out.surface = lit.surface.iter().map(|replicates| estimate(replicates)).collect();
-        out.terms = lit.terms;
-        out.upwelled = lit.upwelled;
+    let sky_view = SkyView::of(&paths, &traced[0]).mean();
+    let lightable = Lightable::new(&alone, &traced, &lattice, &paths, 1, Parts::Terms, Proofs::Together);
+    let mut out = None;
+    lightable.light(&alone, &alone.times[0], &mut LastSun::default(), Some((0, 0)), |pixel, lit| {
+        out = Some(terms(pixel, lit, sky_view, &share));
     });
-    out
+    out.expect("a pixel that was traced is lit")
 }

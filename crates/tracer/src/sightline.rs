@@ -24,7 +24,7 @@ use crate::paths::Paths;
 
 /// Samples of a pixel share a line of sight where their ranges agree within this factor: the error is of second order
 /// in the extinction over the difference.
-const CLUSTER_RATIO: f64 = 1.1;
+pub(crate) const CLUSTER_RATIO: f64 = 1.1;
 /// Ranges of knots: steps of so many metres, then of this factor.
 const RANGE_STEP: f64 = 10.0;
 const RANGE_RATIO: f64 = 1.02;

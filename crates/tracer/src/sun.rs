@@ -11,6 +11,7 @@ use sunglint_radiometry::{Frame, LocalDir, WorldDir};
 use crate::Illumination;
 use crate::light::Block;
 use crate::paths::{FacetGroup, GlintLaw, RayCounts};
+use crate::render::Proofs;
 
 /// Weight of a draw of density `own` where one of density `other` may find the same [Veach1995, power heuristic, β = 2]. In
 /// proportion to the densities themselves a wide lobe would add a thousandth of its light by one draw in a thousand that meets
@@ -136,6 +137,7 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
                 (light.visible[i], light.cos[i]) = (1.0, mu);
                 continue;
             }
+            Standing::Mixed if block.proofs == Proofs::Alone => continue,
             Standing::Mixed => {}
         }
         while block.pixels[pixel].end <= i {
