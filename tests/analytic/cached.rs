@@ -55,6 +55,8 @@ fn a_trench_between_points_sees_the_crossed_strings_share_of_the_sky() {
             rho * l_0 * mean(column, column + 1.0 / 64.0)
         };
         let frames = run(&black, "cached").render();
+        // Where each sample looked for itself, one ray each.
+        assert!(frames.rays.hemisphere < 64 * 8 * 256 / 2, "{:?}", frames.rays);
         let bound = rho * l_0 * 2.0 * h * h / (PI * 1e6) + 0.01 * rho * l_0 * ((1.0 + h * h).sqrt() - h);
         let slack = Slack { bound, grain: rho * l_0 / 256.0 };
         let seen = pixels(&frames, 0);
@@ -159,6 +161,56 @@ fn explain_takes_the_points_of_the_image() {
         assert!((sum - shown).abs() < 1e-3 * shown, "({x} {y}): {sum} of {shown}");
     }
     assert!(sky > 0.0);
+}
+
+/// A pixel that sees one facet alone, wholly in the sun, is told by one sample, at each time by itself: where the shadow of a box
+/// passes in the morning or in the evening all times are what they are alone, and at noon that sample still speaks for the pixel.
+#[test]
+fn even_pixels_take_one_sample_at_each_time_by_itself() {
+    let scene = |collects: &str| {
+        text(&format!(
+            "{collects}
+            atmosphere none {{ solar_irradiance 1500 W/m2/um, sky_radiance 80 W/m2/sr/um }}
+            material lot {{ ideal {{ diffuse 0.3 }} }}
+            material box {{ ideal {{ diffuse 0.5 }} }}
+            facet lot (-20 -20 0) (20 -20 0) (20 20 0) (-20 20 0) m
+            box box size (2 2 3) m at (0 0 0) m
+            {}
+            experiment counted {{ algorithm full {{ indirect cached }}, samples 32 }}
+            experiment asked {{ algorithm full {{ indirect cached }}, error 3 % over image }}",
+            map("below", [0.0, 0.0, 30.0], 24.0, [72, 72]),
+        ))
+    };
+    let times = [-60_i32, 5, 60].map(|zenith| {
+        format!("collect {{ sun zenith {} deg azimuth {} deg }}\n", zenith.abs(), if zenith > 0 { 90 } else { 270 })
+    });
+    let all = scene(&times.concat());
+    for name in ["counted", "asked"] {
+        let together = run(&all, name).render();
+        let mut told_anew = 0;
+        for (time, frame) in times.iter().zip(&together.frames) {
+            let alone = run(&scene(time), name).render();
+            let own = &alone.frames[0];
+            for i in 0..72 * 72 {
+                // Under an error all times choose how many samples the rest take.
+                let is_told = alone.samples[i] == 1.0;
+                told_anew += u32::from(is_told && together.samples[i] > 1.0);
+                if is_told || name == "counted" {
+                    assert_eq!(
+                        frame.radiance[0][i].to_bits(),
+                        own.radiance[0][i].to_bits(),
+                        "{name} {} {i}",
+                        frame.label
+                    );
+                    assert_eq!(frame.error[0][i].to_bits(), own.error[0][i].to_bits(), "{name} {} {i}", frame.label);
+                }
+                assert!(!is_told || own.lit[i] == 1.0 || own.lit[i] == 0.0, "{} {i}: {}", frame.label, own.lit[i]);
+            }
+        }
+        assert!(told_anew > 100, "{name}: {told_anew}");
+        let told = together.samples.iter().filter(|n| **n == 1.0).count();
+        assert!((2500..5000).contains(&told), "{name}: {told} of {}", 72 * 72);
+    }
 }
 
 /// Two skies over one geometry: their paths and points are gathered once, and each image is what it is alone.

@@ -8,6 +8,7 @@ use sunglint_radiometry::{Frame, LocalDir, WorldDir};
 
 use crate::Stream;
 use crate::sampler::{concentric_disk, cosine_hemisphere};
+use crate::sightline::PixelWidth;
 
 /// Sky fraction of an unobstructed facet of this normal: (1 + cos β)/2.
 pub(crate) fn open_sky_view(normal: DVec3) -> f64 {
@@ -52,6 +53,13 @@ fn sides(normal: DVec3) -> [DVec3; 2] {
     [down.cross(normal), down]
 }
 
+/// The largest whole number up to one, without a call where the processor of a portable build has no instruction for it. Beyond
+/// 2⁶³ the nearest there is.
+pub(crate) fn floor(x: f64) -> f64 {
+    let whole = x as i64 as f64;
+    if whole > x { whole - 1.0 } else { whole }
+}
+
 /// A facet's plane, divided into squares.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Squares {
@@ -90,8 +98,8 @@ struct Asked {
 pub(crate) struct Horizons {
     /// Facets that they are made for, their side, and their planes.
     facets: SmallVec<[(FacetId, bool, DVec3, f64); 4]>,
-    /// Least width of a patch at a metre's distance, seen from above \[m\].
-    width: f64,
+    /// How wide pixels are.
+    pixel: PixelWidth,
     all: Vec<Horizon>,
     known: FxHashMap<PatchKey, u32>,
     last: Option<Asked>,
@@ -99,17 +107,17 @@ pub(crate) struct Horizons {
 
 /// Share of a block that a facet fills for which horizons are made: one costs about as much as 100 samples.
 const WORTH_A_HORIZON: f64 = 0.25;
-/// Width of a patch in widths of a block.
-const PATCH_WIDTH: f64 = 0.5;
+/// Least width of a patch, seen from above, in pixels.
+const PATCH_WIDTH: f64 = 4.0;
 /// Seen at a flatter angle than this sine, patches grow no longer.
 const FLATTEST: f64 = 0.05;
 /// Horizons that are kept.
 const MOST_HORIZONS: usize = 2048;
 
 impl Horizons {
-    /// Makes ready for a block that is so wide at a metre's distance, from what rays spread over it meet.
-    pub fn begin(&mut self, world: &World, width: f64, hits: &[Option<Hit>]) {
-        self.width = PATCH_WIDTH * width;
+    /// Makes ready for a block of such pixels, from what rays spread over it meet.
+    pub fn begin(&mut self, world: &World, pixel: PixelWidth, hits: &[Option<Hit>]) {
+        self.pixel = pixel;
         self.facets.clear();
         for hit in hits.iter().flatten() {
             let is_same = |other: &&Hit| other.facet == hit.facet && other.front == hit.front;
@@ -143,7 +151,7 @@ impl Horizons {
     /// twice that. `None` where the facet fills too little of the block to be worth any.
     pub fn squares(&self, hit: &Hit, outgoing: WorldDir) -> Option<Squares> {
         let offset = self.plane_of(hit)?;
-        let width = self.width * hit.t / hit.normal.dot(outgoing.vec()).max(FLATTEST);
+        let width = PATCH_WIDTH * self.pixel.at(hit.t) / hit.normal.dot(outgoing.vec()).max(FLATTEST);
         // The power of two above it.
         let side = f64::from_bits(width.to_bits() >> 52 << 52) * 2.0;
         (1e-100..1e100).contains(&width).then(|| Squares { side, axes: sides(hit.normal), normal: hit.normal, offset })
@@ -160,7 +168,7 @@ impl Horizons {
         {
             return Some(last.horizon);
         }
-        let place @ [u, v] = axes.map(|axis| along(axis).floor());
+        let place @ [u, v] = axes.map(|axis| floor(along(axis)));
         let key = (hit.facet, hit.front, (side.to_bits() >> 52) as i32, u as i64, v as i64);
         let horizon = *self.known.entry(key).or_insert_with(|| {
             let middle = squares.point([u + 0.5, v + 0.5]);

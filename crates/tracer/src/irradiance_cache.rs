@@ -21,7 +21,7 @@ use smallvec::SmallVec;
 use sunglint_geometry::{FacetId, Hit, Ray, World};
 use sunglint_radiometry::{REPLICATES, WorldDir};
 
-use crate::hemisphere::Squares;
+use crate::hemisphere::{Squares, floor};
 use crate::paths::{Paths, RayCounts};
 use crate::pixel::{Parts, PixelRadiance, Term};
 use crate::render::{Lightable, PixelPaths, Proofs, View};
@@ -33,8 +33,8 @@ use crate::{Accuracy, Sight};
 const WIDEST: f64 = 0.5;
 /// The most that F differs between the corners of a cell, of the largest.
 const STEEPEST: f64 = 0.2;
-/// Sizes of cells that are tried, each half the one before: from twice the squares of a facet on.
-const SIZES: i32 = 3;
+/// Sides of cells that are tried, in squares of a facet: powers of two.
+const SIZES: [f64; 3] = [2.0, 1.0, 0.5];
 /// Samples of a replicate at each point, for each of a pixel's.
 const SAMPLES: u32 = 4;
 /// The same under an error of a hundredth, and the most under a smaller one.
@@ -194,9 +194,9 @@ impl IrradianceCache {
         let (cell, at) = match self.last.as_ref().filter(|last| (last.of, last.squares) == (of, squares.side)) {
             Some(Last { cell, .. }) if cell.holds(along) => (*cell, cell.at(along)),
             _ => {
-                let cell = (0..SIZES).find_map(|size| {
-                    let squares = Squares { side: squares.side * 2f64.powi(1 - size), ..squares };
-                    let place = along.map(|along| (along / squares.side).floor());
+                let cell = SIZES.into_iter().find_map(|size| {
+                    let squares = Squares { side: squares.side * size, ..squares };
+                    let place = along.map(|along| floor(along / squares.side));
                     // Beyond, places among cells are no longer told apart.
                     if place.iter().any(|at| at.abs() > 1e15) {
                         return None;

@@ -113,7 +113,7 @@ impl View<'_> {
             world.closest(&at(middle(i % PROBES), middle(i / PROBES)))
         });
         paths.cache.get_or_insert_default().begin(self);
-        paths.horizons.begin(world, lattice.pixel_angle() * f64::from(BLOCK), &probes);
+        paths.horizons.begin(world, lattice.pixel_width(), &probes);
         let first = probes[0].map(|hit| hit.facet);
         let is_one = first.is_some() && probes.iter().all(|hit| hit.map(|hit| hit.facet) == first);
         let corners = || [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
@@ -491,25 +491,31 @@ pub(crate) fn trace_pixel(
     let counts = std::array::from_fn(|replicate| of(replicate).samples.saturating_sub(from));
     let middle = Sight::new(view.sight, [f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5]);
     let trace = |paths: &mut Paths| {
-        let mut drawn = Vec::new();
         for replicate in 0..REPLICATES as u8 {
             let first = Stream::new(view.seed, view.id, key, replicate.into(), 0);
             let half = draws[half_of(replicate)];
-            drawn.clear();
-            drawn.extend((from..half.samples).map(|i| {
+            let seen = |i: u32, paths: &mut Paths| {
                 let mut stream = first.at(i);
                 let [u, v] = stream.next2();
                 let sight = Sight::new(view.sight, [f64::from(pixel.0) + u, f64::from(pixel.1) + v]);
                 let hit = paths.seen(&view.scenery.world, &sight.ray);
                 (sight, stream, Draw { replicate, hit, looks: 1.0 })
-            }));
-            if half.looks < half.samples {
+            };
+            let trace = |(sight, mut stream, draw): (Sight<'_>, Stream, Draw), paths: &mut Paths| {
+                view.algorithm.trace(view.scenery, &sight, &draw, &mut stream, paths);
+            };
+            // The first sample looks in any case.
+            let begin = if half.looks < half.samples { from.max(1) } else { half.samples };
+            for i in from..begin.min(half.samples) {
+                let own = seen(i, paths);
+                trace(own, paths);
+            }
+            if begin < half.samples {
+                let mut later: Vec<_> = (begin..half.samples).map(|i| seen(i, paths)).collect();
                 // Numbers of its own.
                 let mut stream = Stream::new(view.seed, view.id, key, REPLICATES as u32 + u32::from(replicate), 0);
-                choose_looks(&mut drawn, half.looks.saturating_sub(from), &mut stream);
-            }
-            for (sight, stream, draw) in &mut drawn {
-                view.algorithm.trace(view.scenery, sight, draw, stream, paths);
+                choose_looks(&mut later, half.looks.saturating_sub(1), &mut stream);
+                later.into_iter().for_each(|own| trace(own, paths));
             }
         }
     };
@@ -521,7 +527,7 @@ fn round_to_replicates(samples: u32) -> u32 {
 }
 
 /// Lets about so many of a replicate's samples look for all, the same share of those on each facet and at least one: any with the
-/// same chance, so that the mean is that of all [Neyman1938, double sampling].
+/// same chance, so that the mean is that of all \[Neyman1938\].
 fn choose_looks(drawn: &mut [(Sight<'_>, Stream, Draw)], looks: u32, stream: &mut Stream) {
     let facet = |draw: &Draw| draw.hit.map(|hit| (hit.facet, hit.front));
     let share = f64::from(looks) / drawn.len() as f64;
@@ -784,4 +790,55 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         out = Some(terms(pixel, lit, sky_view, &share));
     });
     out.expect("a pixel that was traced is lit")
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use sunglint_geometry::{Left, MaterialId};
+    use sunglint_radiometry::WorldDir;
+
+    use super::*;
+
+    /// On each facet looks weigh as much as there are samples, and each sample, over many choices, 1.
+    #[test]
+    fn looks_stand_for_all_samples_of_their_facet() {
+        let hit = |facet: u32| Hit {
+            t: 1.0,
+            point: DVec3::ZERO,
+            error: 0.0,
+            normal: DVec3::Z,
+            front: true,
+            material: MaterialId(0),
+            instance: 0,
+            facet: FacetId(facet),
+            left: Left::NONE,
+        };
+        let sight = |_: f64, _: f64| Ray::new(DVec3::ZERO, WorldDir::UP);
+        let facets = [Some(1), Some(2), Some(1), None, Some(1), Some(1), Some(2), Some(1), Some(1), Some(1), Some(1)];
+        let choices = 8000;
+        for looks in [0, 3, 6, 10] {
+            let mut sums = [0.0; 11];
+            for choice in 0..choices {
+                let mut drawn: Vec<_> = facets
+                    .iter()
+                    .map(|facet| {
+                        let draw = Draw { replicate: 0, hit: facet.map(hit), looks: f64::NAN };
+                        (Sight::new(&sight, [0.0; 2]), Stream::new(0, 0, 0, 0, 0), draw)
+                    })
+                    .collect();
+                choose_looks(&mut drawn, looks, &mut Stream::new(1, 2, choice, 0, 0));
+                for facet in [Some(1), Some(2), None] {
+                    let own = || (0..11).filter(|i| facets[*i] == facet).map(|i| drawn[i].2.looks);
+                    assert!((own().sum::<f64>() - own().count() as f64).abs() < 1e-12, "{looks} {facet:?}");
+                }
+                sums.iter_mut().zip(&drawn).for_each(|(sum, (.., draw))| *sum += draw.looks);
+            }
+            for (i, sum) in sums.iter().enumerate() {
+                // A weight of at most 8 with the chance of one over it scatters by no more than √7.
+                let (mean, error) = (sum / choices as f64, (7.0 / choices as f64).sqrt());
+                assert!((mean - 1.0).abs() < 4.5 * error, "{looks} {i}: {mean}");
+            }
+        }
+    }
 }

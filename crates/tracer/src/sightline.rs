@@ -104,13 +104,28 @@ impl Share {
 /// What is taken of the knots around.
 pub(crate) type Shares = SmallVec<[Share; 4]>;
 
+/// How wide a pixel is across its line of sight.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct PixelWidth {
+    /// Between lines of sight a pixel apart \[rad\].
+    angle: f64,
+    /// Between where they begin \[m\].
+    apart: f64,
+}
+
+impl PixelWidth {
+    /// At a range \[m\].
+    pub fn at(self, range: f64) -> f64 {
+        self.apart + self.angle * range
+    }
+}
+
 /// The lattice of a view.
 pub(crate) struct Lattice<'a> {
     sight: &'a (dyn Fn(f64, f64) -> Ray + Sync),
     pixels: (u32, u32),
     step: u32,
-    /// The widest that a pixel sees \[rad\].
-    pixel_angle: f64,
+    pixel_width: PixelWidth,
     /// Height below which nothing is met \[m\].
     floor: f64,
 }
@@ -118,22 +133,24 @@ pub(crate) struct Lattice<'a> {
 impl<'a> Lattice<'a> {
     pub fn new(sight: &'a (dyn Fn(f64, f64) -> Ray + Sync), pixels: (u32, u32), floor: f64) -> Self {
         let (w, h) = (f64::from(pixels.0), f64::from(pixels.1));
-        // The widest angle of a pixel, in the middle and at the corners of the image.
-        let widest = [(0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)]
-            .map(|(u, v)| {
-                let at = |dx: f64, dy: f64| sight(u * w + dx, v * h + dy).direction;
-                at(0.0, 0.0).angle_to(at(1.0, 0.0)).max(at(0.0, 0.0).angle_to(at(0.0, 1.0)))
-            })
-            .into_iter()
-            .fold(0.0, f64::max);
-        let fits = |step: &&u32| f64::from(**step) * widest <= KNOT_ANGLE;
+        // The widest pixel, in the middle and at the corners of the image.
+        let (mut angle, mut apart) = (0.0, 0.0);
+        for (u, v) in [(0.5, 0.5), (0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (1.0, 1.0)] {
+            let at = |dx: f64, dy: f64| sight(u * w + dx, v * h + dy);
+            let own = at(0.0, 0.0);
+            for next in [at(1.0, 0.0), at(0.0, 1.0)] {
+                angle = f64::max(angle, own.direction.angle_to(next.direction));
+                apart = f64::max(apart, (next.origin - own.origin).cross(own.direction.vec()).length());
+            }
+        }
+        let fits = |step: &&u32| f64::from(**step) * angle <= KNOT_ANGLE;
         let step = *KNOT_STEPS.iter().find(fits).unwrap_or(&KNOT_STEPS[KNOT_STEPS.len() - 1]);
-        Self { sight, pixels, step, pixel_angle: widest, floor }
+        Self { sight, pixels, step, pixel_width: PixelWidth { angle, apart }, floor }
     }
 
-    /// The widest angle that a pixel sees \[rad\].
-    pub const fn pixel_angle(&self) -> f64 {
-        self.pixel_angle
+    /// How wide a pixel is at most.
+    pub const fn pixel_width(&self) -> PixelWidth {
+        self.pixel_width
     }
 
     fn place(&self, knot: Knot) -> [f64; 2] {
