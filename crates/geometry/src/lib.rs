@@ -30,4 +30,4 @@ pub use shapes::{box_facets, panel_facets};
 pub use sole::SoleFacet;
 pub use solids::{cone_facets, cylinder_facets, disk_facet, sphere_facets};
 pub use terrain::{Terrain, TerrainError};
-pub use world::{Ground, LARGEST_COORDINATE, World, WorldError};
+pub use world::{Ground, LARGEST_COORDINATE, Occluder, World, WorldError};

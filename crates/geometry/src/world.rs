@@ -271,10 +271,42 @@ impl World {
 
     /// Whether anything is met.
     pub fn occluded(&self, ray: &Ray) -> bool {
-        self.ground.as_ref().is_some_and(|g| meet_ground(g, ray).is_some()) || {
-            let mut best = Best { t: ray.t_max, end: ray.t_max, tolerance: 0.0, found: None };
-            dispatch!(self.level, simd => self.trace::<_, false>(simd, ray, &mut best))
+        self.occluded_by(ray, &mut Occluder::default())
+    }
+
+    /// The same, where `last` stopped much the same ray before, if anything did: that is looked at first, and what stops this one,
+    /// or nothing, takes its place. The answer does not depend on it.
+    pub fn occluded_by(&self, ray: &Ray, last: &mut Occluder) -> bool {
+        if self.ground.as_ref().is_some_and(|g| meet_ground(g, ray).is_some()) {
+            return true;
         }
+        if last.0.is_some_and(|(placed, triangle)| self.stops(ray, placed, triangle)) {
+            return true;
+        }
+        let mut best = Best { t: ray.t_max, end: ray.t_max, tolerance: 0.0, found: None };
+        let met = dispatch!(self.level, simd => self.trace::<_, false>(simd, ray, &mut best));
+        last.0 = best.found.map(|found| (found.placed, found.triangle));
+        met
+    }
+
+    /// Whether a triangle of what is placed stops a ray, by the numbers that decide for all triangles.
+    fn stops(&self, ray: &Ray, index: u32, triangle: u32) -> bool {
+        let Some((placed, tree)) =
+            self.placed.get(index as usize).and_then(|p| Some((p, self.trees[p.mesh].as_ref()?)))
+        else {
+            return false;
+        };
+        let mesh = self.mesh_of(placed);
+        if triangle as usize >= mesh.triangle_count()
+            || ray.left == (Left { placed: index, facet: mesh.facet_of(triangle) })
+        {
+            return false;
+        }
+        let Some(local) = Local::new(placed, &tree.block, ray, ray.t_max) else { return false };
+        let corners = mesh.corners(triangle as usize);
+        let triangle_ray = TriangleRay::new(&tree.block, local.start, local.unit, local.inv);
+        let t = local.enter + triangle_ray.distance(corners, mesh.normal(triangle, corners)).0 / local.length;
+        t > 0.0 && t < ray.t_max && triangle_ray.weights(corners).is_some()
     }
 
     /// Lowest and highest coordinates of the facets \[m\], the ground left out; `None` without facets.
@@ -383,19 +415,12 @@ impl World {
         let Some(TriangleTree { block, tree, packets }) = &self.trees[placed.mesh] else { return false };
         let mesh = self.mesh_of(placed);
         let left_facet = if ray.left.placed == index { ray.left.facet } else { u32::MAX };
-        let (o, d) = (ray.origin, ray.direction.vec());
-        let (o, d, length) = if placed.in_place {
-            (o, d, 1.0)
-        } else {
-            let d = placed.from_world.transform_vector3(d);
-            (placed.from_world.transform_point3(o), d, d.length())
+        let Some(Local { enter, leave, length, start, unit, inv }) =
+            Local::new(placed, block, ray, best.t + best.tolerance)
+        else {
+            return false;
         };
-        // t runs in the world's metres; in the block the ray starts at its entry and runs in the object's lengths
-        let inv = 1.0 / d;
-        let Some((enter, leave)) = block.clip(o, inv, best.t + best.tolerance) else { return false };
-        let start = o + d * enter;
-        let (unit, inv, reach) =
-            if placed.in_place { (d, inv, block.reach) } else { (d / length, inv * length, block.reach / length) };
+        let reach = if placed.in_place { block.reach } else { block.reach / length };
         let box_ray = BoxRay::new(start - block.centre, inv);
         let ray = TriangleRay::new(block, start, unit, inv);
         let until = |best: &Best| ((lesser(best.t + best.tolerance, leave) - enter) * length) as f32 * T_UP;
@@ -421,10 +446,9 @@ impl World {
                             continue;
                         }
                         if !CLOSEST {
-                            if ray.weights(corners).is_some() {
-                                return true;
-                            }
-                            continue;
+                            let Some(weights) = ray.weights(corners) else { continue };
+                            best.found = Some(Found { placed: index, triangle, weights, front: cos <= 0.0 });
+                            return true;
                         }
                         // Closer than this across the facet, the rounding of corners and of the ray's start would decide.
                         let tolerance = 16.0 * f64::EPSILON * (reach + t) / greater(cos.abs(), 1e-3);
@@ -509,6 +533,43 @@ impl Hit {
 }
 
 /// The nearest facet so far.
+/// What stopped a ray.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Occluder(Option<(u32, u32)>);
+
+/// A ray where a mesh lies. t runs in the world's metres; in the mesh's block the ray starts at its entry and runs in the mesh's
+/// lengths.
+struct Local {
+    /// t at which it enters the block, and leaves it.
+    enter: f64,
+    leave: f64,
+    /// Of the mesh's lengths in a metre of the world.
+    length: f64,
+    start: DVec3,
+    unit: DVec3,
+    /// One over `unit`.
+    inv: DVec3,
+}
+
+impl Local {
+    /// `None` where the ray misses the block before `end`.
+    #[inline(always)]
+    fn new(placed: &Placed, block: &Block, ray: &Ray, end: f64) -> Option<Self> {
+        let (o, d) = (ray.origin, ray.direction.vec());
+        let (o, d, length) = if placed.in_place {
+            (o, d, 1.0)
+        } else {
+            let d = placed.from_world.transform_vector3(d);
+            (placed.from_world.transform_point3(o), d, d.length())
+        };
+        let inv = 1.0 / d;
+        let (enter, leave) = block.clip(o, inv, end)?;
+        let start = o + d * enter;
+        let (unit, inv) = if placed.in_place { (d, inv) } else { (d / length, inv * length) };
+        Some(Self { enter, leave, length, start, unit, inv })
+    }
+}
+
 struct Best {
     t: f64,
     /// The ray's own end.

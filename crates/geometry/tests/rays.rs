@@ -483,6 +483,7 @@ fn hits_are_those_of_testing_every_facet() {
         let world = crowd(seed, offset, false);
         let brute = Brute::new(&world);
         let mut random = Random(seed + 100);
+        let mut last = Occluder::default();
         for i in 0..3_000 {
             let far = [30.0, 1e3, 7e5][i % 3];
             let target = offset + random.point(20.0);
@@ -500,7 +501,14 @@ fn hits_are_those_of_testing_every_facet() {
             let hit = world.closest(&ray);
             assert_eq!(hit.is_some(), t.is_finite(), "{ray:?}");
             assert_eq!(world.occluded(&ray), t.is_finite());
+            // What stopped another ray, and then this one, changes nothing.
+            assert_eq!(world.occluded_by(&ray, &mut last), t.is_finite());
+            assert_eq!(world.occluded_by(&ray, &mut last), t.is_finite());
             if let Some(hit) = hit {
+                let short = Ray { t_max: hit.t * (1.0 - 1e-9) - 1e-6, ..ray };
+                assert!(!world.occluded_by(&short, &mut last));
+                let near = Ray::new(ray.origin, WorldDir::new(ray.direction.vec() + 1e-3 * random.direction().vec()));
+                assert_eq!(world.occluded_by(&near, &mut last), world.occluded(&near));
                 // rounding of coordinates along the ray, which grows where it grazes
                 let tolerance = 1e-14 * (far + offset.length()) / hit.normal.dot(ray.direction.vec()).abs() + 1e-12;
                 assert!((hit.t - t).abs() < 20.0 * tolerance, "{} {t}", hit.t);

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use glam::DVec3;
 use smallvec::SmallVec;
-use sunglint_geometry::World;
+use sunglint_geometry::{Occluder, World};
 use sunglint_radiometry::{Frame, LocalDir, WorldDir};
 
 use crate::Illumination;
@@ -129,6 +129,8 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
     // Groups of first surfaces that the pixel has met: where the first point of one is lit, a proof may serve the others, and tells
     // their cos θ_s.
     let mut runs: SmallVec<[(u32, Option<f64>); 8]> = SmallVec::new();
+    // What stopped the last ray from a group: most of one facet's points in the shade lie in one shade.
+    let mut occluders = vec![Occluder::default(); groups.len()];
     let mut pixel = 0;
     for ((i, vertex), group) in paths.vertices.iter().enumerate().zip(&block.of_vertices) {
         match light.groups[*group as usize] {
@@ -159,7 +161,7 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
         }
         light.cos[i] = mu;
         rays.sun += 1;
-        light.shaded[i] = scenery.world.occluded(&vertex.hit.leave(direction));
+        light.shaded[i] = scenery.world.occluded_by(&vertex.hit.leave(direction), &mut occluders[*group as usize]);
         light.visible[i] = f64::from(u8::from(!light.shaded[i]));
         if vertex.first && run.is_none() {
             let is_own = |j: &usize| block.of_vertices[*j] == *group;
