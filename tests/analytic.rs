@@ -1151,12 +1151,12 @@ fn frames_do_not_depend_on_threads_or_on_the_order_of_tiles() {
         [70, 50],
         "experiment counted {
           algorithm split { sun disk, depth 4, background_lobes all, sky directional }
-          samples 32
+          samples 16
         }
-        experiment asked { algorithm split, error 3 % }
-        experiment shared_out { algorithm split, error 3 % over image }
+        experiment asked { algorithm split, error 8 % }
+        experiment shared_out { algorithm split, error 8 % over image }
         experiment between_points { algorithm full { indirect cached }, samples 16 }
-        experiment between_more { algorithm full { indirect cached }, error 3 % over image }",
+        experiment between_more { algorithm full { indirect cached }, error 5 % over image }",
     );
     for run in plan.runs() {
         let on = |threads: usize| {
@@ -1164,6 +1164,7 @@ fn frames_do_not_depend_on_threads_or_on_the_order_of_tiles() {
             pool.install(|| run.render())
         };
         let (one, two, five) = (on(1), on(2), on(5));
+        assert!(!run.experiment.contains("more") && run.experiment != "asked" || one.samples.iter().any(|n| *n > 16.0));
         assert!(bits(&one) == bits(&two) && bits(&one) == bits(&five), "{}", run.experiment);
         assert_eq!((one.rays, one.rays), (two.rays, five.rays));
         let (all, lit) = (run.tiles(), run.lit());

@@ -54,6 +54,8 @@ fn a_killed_render_goes_on_from_its_finished_tiles() {
             "examples/truth/truth.glint",
             "--only",
             "experiment=ideal",
+            "--only",
+            "time=1992-06-18T17",
             "--pixels",
             "320x240",
             "--samples",
