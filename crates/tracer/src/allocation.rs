@@ -1,6 +1,6 @@
 //! How many samples each pixel takes: its first ones tell, of it and of those around.
 
-use glam::DVec2;
+use glam::{DVec2, DVec3};
 use smallvec::SmallVec;
 use sunglint_geometry::{FacetId, MaterialId};
 use sunglint_radiometry::{REPLICATES, estimate};
@@ -134,27 +134,25 @@ impl First {
 
     /// The same, with no less variance than the pixels around tell.
     fn heard(&self, seen: &[Seen]) -> Vec<Seen> {
-        let heard = |(i, own): (usize, &Seen)| Seen {
-            spread: Spread {
-                whole: own.spread.whole.max(self.around(i, |j| seen[j].spread.whole)),
-                looked: own.spread.looked.max(self.around(i, |j| DVec2::new(seen[j].spread.looked, 0.0)).x),
-                ..own.spread
-            },
-            ..*own
+        let heard = |(i, own): (usize, &Seen)| {
+            let around = self.around(i, |j| seen[j].spread.whole.extend(seen[j].spread.looked));
+            let Spread { whole, looked, .. } = own.spread;
+            let (whole, looked) = (whole.max(around.truncate()), looked.max(around.z));
+            Seen { spread: Spread { whole, looked, ..own.spread }, ..*own }
         };
         seen.iter().enumerate().map(heard).collect()
     }
 
     /// Mean over the pixels around one that see the same material, itself among them: eight samples know their own variance
     /// badly, and may miss an edge that neighbours see.
-    fn around(&self, i: usize, value: impl Fn(usize) -> DVec2) -> DVec2 {
+    fn around(&self, i: usize, value: impl Fn(usize) -> DVec3) -> DVec3 {
         let (x, y) = self.block[i];
         let near = |j: &usize| {
             let (u, v) = self.block[*j];
             x.abs_diff(u) <= 1 && y.abs_diff(v) <= 1 && self.materials[*j] == self.materials[i]
         };
         let (sum, n) =
-            (0..self.block.len()).filter(near).fold((DVec2::ZERO, 0.0), |(sum, n), j| (sum + value(j), n + 1.0));
+            (0..self.block.len()).filter(near).fold((DVec3::ZERO, 0.0), |(sum, n), j| (sum + value(j), n + 1.0));
         sum / f64::max(n, 1.0)
     }
 }
@@ -180,7 +178,8 @@ struct Spread {
     least_looks: f64,
 }
 
-/// What looking costs, in samples that do not look.
+/// What looking costs, in samples that do not look: between one and two by counts of instructions, which hardly changes what an
+/// image takes.
 const LOOK: f64 = 2.0;
 
 impl Spread {
@@ -377,8 +376,8 @@ impl Worth {
                 (Spread { whole: each * whole, looked: each * looked, ..seen.spread }, each * seen.shared)
             };
             let shared = seen.iter().map(|(_, tells)| scaled(tells).1).sum::<f64>() / seen.len().max(1) as f64;
-            let both = |(chooses, tells)| (scaled(chooses).0, scaled(tells).0);
-            Told { floor, shared, pixels: seen.iter().map(|(chooses, tells)| both((chooses, tells))).collect() }
+            let pixels = seen.iter().map(|(chooses, tells)| (scaled(chooses).0, scaled(tells).0)).collect();
+            Told { floor, shared, pixels }
         };
         let told: Vec<Told> = seen.into_iter().map(of).collect();
         let wanted = relative * relative;

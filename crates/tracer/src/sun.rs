@@ -114,16 +114,26 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
         return (light, rays);
     };
     let sun = disk.middle;
-    for (standing, group) in light.groups.iter_mut().zip(groups) {
-        let through = block.passes(group);
-        let mu = group.normal.dot(sun.vec());
-        if mu <= -disk.radius && !through {
-            rays.sun_turned_away += u64::from(group.count);
-            *standing = Standing::Dark;
-        } else if group.count > 2 && disk.is_whole(&scenery.world, group, group.lo, group.hi) {
-            // The whole disk shines on the facet: its irradiance is E_n cos θ_s.
-            rays.sun_proved_clear += u64::from(group.count);
-            *standing = Standing::Lit(mu);
+    // Pixels that are proved each by itself mostly see one facet: one proof may serve them all.
+    let hit = |group: &FacetGroup| &paths.vertices[group.first as usize].hit;
+    let is_alike = |a: &FacetGroup, b: &FacetGroup| {
+        block.proofs == Proofs::Alone && (hit(a).facet, hit(a).front) == (hit(b).facet, hit(b).front)
+    };
+    let mut standings = light.groups.iter_mut();
+    for run in groups.chunk_by(is_alike) {
+        let (lo, hi) = run.iter().fold((run[0].lo, run[0].hi), |(lo, hi), own| (lo.min(own.lo), hi.max(own.hi)));
+        let all = run.len() > 1 && disk.is_whole(&scenery.world, &run[0], lo, hi);
+        for (group, standing) in run.iter().zip(&mut standings) {
+            let through = block.passes(group);
+            let mu = group.normal.dot(sun.vec());
+            if mu <= -disk.radius && !through {
+                rays.sun_turned_away += u64::from(group.count);
+                *standing = Standing::Dark;
+            } else if group.count > 2 && (all || disk.is_whole(&scenery.world, group, group.lo, group.hi)) {
+                // The whole disk shines on the facet: its irradiance is E_n cos θ_s.
+                rays.sun_proved_clear += u64::from(group.count);
+                *standing = Standing::Lit(mu);
+            }
         }
     }
     // Groups of first surfaces that the pixel has met: where the first point of one is lit, a proof may serve the others, and tells
