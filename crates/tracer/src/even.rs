@@ -1,5 +1,5 @@
 //! Pixels of which one sample tells all: those that see one plane facet alone, on which what light finds varies no more than between
-//! points of the cache, while the whole disk of the sun or nothing of it shines on all that they see.
+//! points of the cache, while the whole disk of the sun or nothing of it shines on all that they see, and no mirror may throw it there.
 //!
 //! The first is proved of a pixel whatever the time, the second of each time by itself; where either fails, samples are taken.
 

@@ -242,8 +242,7 @@ impl Algorithm for Full {
         paths: &mut Paths,
     ) -> bool {
         let surface = scenery.surface(hit.material);
-        let by_mirrors = self.caustics && self.goes_on(1) && !scenery.mirrors.is_empty();
-        if !self.cached || by_mirrors || surface.bsdf.lobes() != (Lobes { diffuse: true, ..Lobes::default() }) {
+        if !self.cached || surface.bsdf.lobes() != (Lobes { diffuse: true, ..Lobes::default() }) {
             return false;
         }
         let outgoing = -sight.ray.direction;
@@ -270,6 +269,10 @@ impl Algorithm for Full {
         let spectrum = paths.times(ONE, |q| room.rho[q]);
         paths.room = room;
         paths.record(id, spectrum, Source::Sun { vertex }, 1.0 / PI, Term::DiffuseSun);
+        if let Some(bounces) = self.caustic_bounces(scenery, 1) {
+            let outgoing = Frame::about(hit.normal).to_local(outgoing);
+            paths.record(id, ONE, Source::Caustic { vertex, outgoing, bounces }, 1.0, Term::Caustic);
+        }
         if is_open {
             paths.rays.hemisphere_open += 1;
             let (source, share) = self.whole_sky(hit);
@@ -284,6 +287,12 @@ impl Full {
     /// Whether a path of `depth` surfaces may meet another.
     fn goes_on(&self, depth: u32) -> bool {
         depth < self.depth.unwrap_or(DEPTH_LIMIT)
+    }
+
+    /// In how many mirrors in a row the sun is looked for from a surface of a path; `None` for none.
+    fn caustic_bounces(&self, scenery: &Scenery, depth: u32) -> Option<u8> {
+        let looks = self.caustics && self.goes_on(depth) && !scenery.mirrors.is_empty();
+        looks.then(|| if self.goes_on(depth + 1) { IMAGED } else { 1 })
     }
 
     /// One surface: what it emits, what it scatters of the sun, and where the path goes on.
@@ -314,8 +323,7 @@ impl Full {
             let source = Source::Scatter { vertex, outgoing };
             paths.record(id, spectrum, source, weight, step.term(Term::SpecularSun));
         }
-        if (of_even.is_some() || has_rest) && self.caustics && self.goes_on(depth) && !scenery.mirrors.is_empty() {
-            let bounces = if self.goes_on(depth + 1) { IMAGED } else { 1 };
+        if let Some(bounces) = self.caustic_bounces(scenery, depth).filter(|_| of_even.is_some() || has_rest) {
             paths.record(id, spectrum, Source::Caustic { vertex, outgoing, bounces }, weight, Term::Caustic);
         }
         if past.straight {

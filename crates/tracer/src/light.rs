@@ -169,9 +169,10 @@ impl<'a> BlockLight<'a> {
         self.rays
     }
 
-    /// Whether the sun is proved to stand alike to all of the points of a vertex's group.
+    /// Whether the sun is proved to stand alike to all of the points of a vertex's group, and no mirror to throw it there.
     pub fn is_proved(&self, vertex: usize) -> bool {
-        self.sun.groups[self.block.of_vertices[vertex] as usize] != Standing::Mixed
+        let group = self.block.of_vertices[vertex] as usize;
+        self.sun.groups[group] != Standing::Mixed && self.throwers.get(group).is_none_or(Vec::is_empty)
     }
 
     /// The lamp and L_u of a cluster; without τ₂ where there is no path.
