@@ -532,7 +532,6 @@ impl Hit {
     }
 }
 
-/// The nearest facet so far.
 /// What stopped a ray.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Occluder(Option<(u32, u32)>);
@@ -570,6 +569,7 @@ impl Local {
     }
 }
 
+/// The nearest facet so far.
 struct Best {
     t: f64,
     /// The ray's own end.

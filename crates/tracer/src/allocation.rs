@@ -60,7 +60,7 @@ impl First {
             });
         }
         let lightable =
-            Lightable::new(view, &traced, lattice, paths, view.times.len(), Parts::Looked, Proofs::Together);
+            Lightable::new(std::slice::from_ref(view), &traced, lattice, paths, Parts::Looked, Proofs::Together);
         let mut last = LastSun::default();
         let times = (view.times.iter().enumerate())
             .map(|(t, time)| {

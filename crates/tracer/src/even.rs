@@ -6,7 +6,6 @@
 use sunglint_geometry::{Hit, SoleFacet};
 use sunglint_radiometry::REPLICATES;
 
-use crate::Stream;
 use crate::paths::{Paths, RayCounts};
 use crate::pixel::{Parts, PixelRadiance};
 use crate::render::{Lightable, PixelPaths, Proofs, SkyView, Tile, View};
@@ -60,7 +59,7 @@ impl Even {
         if let Some(cache) = &mut paths.cache {
             cache.light(views, lattice, parts, clock, |v, t, rays, begun| spent((v, t), rays, begun));
         }
-        let lightable = Lightable::new(view, &traced, lattice, paths, n_times, parts, Proofs::Alone);
+        let lightable = Lightable::new(views, &traced, lattice, paths, parts, Proofs::Alone);
         let mut last = LastSun::default();
         // Side by side, times of several views may have one sun.
         for t in 0..views.iter().map(|view| view.times.len()).max().unwrap_or(0) {
@@ -109,8 +108,7 @@ fn trace(view: &View<'_>, (tile, block): (Tile, &[(u32, u32)]), paths: &mut Path
             .or_else(|| SoleFacet::of_hits(world, &corners.map(|corner| rays[corner]), &met)?.meet(&sight.ray));
         let Some(hit) = hit else { continue };
         paths.rays.camera_proved += 1;
-        let key = u64::from(row) * u64::from(view.pixels.0) + u64::from(column);
-        let mut stream = Stream::new(view.seed, view.id, key, 0, 0);
+        let mut stream = view.numbers((column, row), 0);
         let (pixel, is_even) = PixelPaths::traced(paths, index, [1; REPLICATES], &sight, |paths| {
             let is_even = view.algorithm.trace_even(view.scenery, &sight, &hit, &mut stream, paths);
             if is_even {

@@ -140,6 +140,17 @@ impl Step {
     }
 }
 
+/// What a surface was found to do as its own light and the sun's were recorded.
+struct Direct {
+    vertex: u32,
+    outgoing: LocalDir,
+    /// Probability of a draw of the Lambertian part, and the path's spectrum after it, where there is one.
+    even: f64,
+    of_even: Option<SpectrumId>,
+    /// Whether anything scatters beside it.
+    has_rest: bool,
+}
+
 /// A path as it is traced.
 struct Walk<'a> {
     scenery: &'a Scenery,
@@ -242,7 +253,7 @@ impl Algorithm for Full {
         paths: &mut Paths,
     ) -> bool {
         let surface = scenery.surface(hit.material);
-        if !self.cached || surface.bsdf.lobes() != (Lobes { diffuse: true, ..Lobes::default() }) {
+        if surface.bsdf.lobes() != (Lobes { diffuse: true, ..Lobes::default() }) {
             return false;
         }
         let outgoing = -sight.ray.direction;
@@ -255,31 +266,17 @@ impl Algorithm for Full {
         let mut walk = Walk { scenery, sight: *sight, id, looks: 1.0, room };
         let is_open = hit.normal.z == 1.0 && scenery.world.is_open(hit.facet, hit.front);
         let is_even = even == 1.0 && (is_open || self.between_points(&mut walk, &step, paths));
-        paths.room = walk.room;
-        if !is_even {
+        if is_even {
+            let direct = self.direct(&mut walk, &step, stream, paths);
+            let of_even = direct.and_then(|direct| Some((direct.vertex, direct.of_even?)));
+            if let Some((vertex, spectrum)) = of_even.filter(|_| is_open) {
+                self.open(&mut walk, &step, vertex, spectrum, stream, paths);
+            }
+        } else {
             paths.samples.truncate(id as usize);
-            return false;
         }
-        if let Some(emission) = surface.emission.as_ref().filter(|_| hit.front) {
-            let spectrum = paths.times(ONE, |q| emission[q]);
-            paths.record(id, spectrum, Source::Own, 1.0, Term::Emission);
-        }
-        let vertex = paths.vertex(*hit, true, stream.later());
-        let room = std::mem::take(&mut paths.room);
-        let spectrum = paths.times(ONE, |q| room.rho[q]);
-        paths.room = room;
-        paths.record(id, spectrum, Source::Sun { vertex }, 1.0 / PI, Term::DiffuseSun);
-        if let Some(bounces) = self.caustic_bounces(scenery, 1) {
-            let outgoing = Frame::about(hit.normal).to_local(outgoing);
-            paths.record(id, ONE, Source::Caustic { vertex, outgoing, bounces }, 1.0, Term::Caustic);
-        }
-        if is_open {
-            paths.rays.hemisphere_open += 1;
-            let (source, share) = self.whole_sky(hit);
-            paths.record(id, spectrum, source, share, Term::DiffuseSky);
-            paths.samples[id as usize].sky_view = 1.0;
-        }
-        true
+        paths.room = walk.room;
+        is_even
     }
 }
 
@@ -295,8 +292,9 @@ impl Full {
         looks.then(|| if self.goes_on(depth + 1) { IMAGED } else { 1 })
     }
 
-    /// One surface: what it emits, what it scatters of the sun, and where the path goes on.
-    fn scatter(&self, walk: &mut Walk<'_>, step: &Step, stream: &mut Stream, paths: &mut Paths) {
+    /// What a surface emits and what it scatters of the sun; `None` where it scatters nothing.
+    #[inline(always)]
+    fn direct(&self, walk: &mut Walk<'_>, step: &Step, stream: &mut Stream, paths: &mut Paths) -> Option<Direct> {
         let (scenery, id) = (walk.scenery, walk.id);
         let Step { hit, spectrum, weight, depth, past, .. } = *step;
         let surface = scenery.surface(hit.material);
@@ -307,7 +305,7 @@ impl Full {
         let vertex = paths.vertex(hit, past.straight, stream.later());
         let lobes = surface.bsdf.lobes();
         if lobes == Lobes::default() {
-            return;
+            return None;
         }
         let outgoing = Frame::about(hit.normal).to_local(step.outgoing);
         let even = surface.bsdf.lambertian(outgoing, &mut walk.room.rho);
@@ -326,6 +324,17 @@ impl Full {
         if let Some(bounces) = self.caustic_bounces(scenery, depth).filter(|_| of_even.is_some() || has_rest) {
             paths.record(id, spectrum, Source::Caustic { vertex, outgoing, bounces }, weight, Term::Caustic);
         }
+        Some(Direct { vertex, outgoing, even, of_even, has_rest })
+    }
+
+    /// One surface: what it emits, what it scatters of the sun, and where the path goes on.
+    fn scatter(&self, walk: &mut Walk<'_>, step: &Step, stream: &mut Stream, paths: &mut Paths) {
+        let (scenery, id) = (walk.scenery, walk.id);
+        let Step { hit, spectrum, weight, past, .. } = *step;
+        let surface = scenery.surface(hit.material);
+        let Some(direct) = self.direct(walk, step, stream, paths) else { return };
+        let Direct { vertex, outgoing, even, of_even, has_rest } = direct;
+        let lobes = surface.bsdf.lobes();
         if past.straight {
             if lobes.mirror {
                 self.mirror(walk, step, surface, outgoing, 1.0, stream, paths);

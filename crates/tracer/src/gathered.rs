@@ -386,7 +386,7 @@ pub(crate) struct Sums<'a> {
     /// What of it rays over first surfaces found, where it is kept apart.
     pub looked: Vec<OfReplicates>,
     pub terms: Vec<(Term, Vec<f64>)>,
-    parts: Parts,
+    pub parts: Parts,
 }
 
 impl<'a> Sums<'a> {

@@ -293,9 +293,8 @@ impl IrradianceCache {
     ) {
         let Some(mut paths) = self.paths.take() else { return };
         if !self.waiting.is_empty() {
-            let n_times = views.iter().map(|view| view.times.len()).sum();
             // A point is the same whichever others wait with it.
-            let lightable = Lightable::new(&views[0], &self.waiting, lattice, &paths, n_times, parts, Proofs::Apart);
+            let lightable = Lightable::new(views, &self.waiting, lattice, &paths, parts, Proofs::Apart);
             self.lit.resize_with(views.len(), Vec::new);
             let mut last = LastSun::default();
             for t in 0..views.iter().map(|view| view.times.len()).max().unwrap_or(0) {

@@ -244,10 +244,10 @@ impl<'a> BlockLight<'a> {
         work.alike.extend(light.runs.iter().map(|run| self.alike(light, run)));
         let lamps = std::mem::take(&mut work.lamps);
         let mut sums = Sums::new(self.block, each, parts);
-        self.gather(light, |cluster| &lamps[cluster].0, parts, &mut sums, &mut work);
+        self.gather(light, |cluster| &lamps[cluster].0, &mut sums, &mut work);
         let leaving = if surface {
-            let (mut leaving, bare) = (Sums::new(self.block, each, parts), self.lights.bare());
-            self.gather(light, |_| bare, parts, &mut leaving, &mut work);
+            let (mut leaving, bare) = (Sums::new(self.block, each, Parts::Whole), self.lights.bare());
+            self.gather(light, |_| bare, &mut leaving, &mut work);
             leaving.radiance
         } else {
             Vec::new()
@@ -294,7 +294,6 @@ impl<'a> BlockLight<'a> {
         &mut self,
         light: &PixelLight,
         lamp_of: impl Fn(usize) -> &'l Lamp + Copy,
-        parts: Parts,
         sums: &mut Sums<'_>,
         work: &mut Work,
     ) {
@@ -333,7 +332,7 @@ impl<'a> BlockLight<'a> {
             }
             for record in light.grouped[run.records.clone()].iter().map(|i| &paths.records[*i as usize]) {
                 let sample = &paths.samples[record.sample as usize];
-                let (replicate, term) = (usize::from(sample.replicate), parts.of(record));
+                let (replicate, term) = (usize::from(sample.replicate), sums.parts.of(record));
                 let lamp = lamp_of(sample.cluster.into());
                 let spectrum = paths.spectrum(record.spectrum);
                 match record.source {
@@ -369,10 +368,10 @@ impl<'a> BlockLight<'a> {
         for record in patched.chain(glints).chain(&light.changing).map(|i| &paths.records[*i as usize]) {
             // What one path sees of the sky from one surface meets the sky's spectra once.
             if let Some(first) = looking.take_if(|first| !record.looks_with(first)) {
-                self.look(first, lamp_of, parts, sums, work);
+                self.look(first, lamp_of, sums, work);
             }
             let sample = &paths.samples[record.sample as usize];
-            let (replicate, term) = (usize::from(sample.replicate), parts.of(record));
+            let (replicate, term) = (usize::from(sample.replicate), sums.parts.of(record));
             let lamp = lamp_of(sample.cluster.into());
             let spectrum = paths.spectrum(record.spectrum);
             match record.source {
@@ -423,26 +422,19 @@ impl<'a> BlockLight<'a> {
             }
         }
         if let Some(first) = looking {
-            self.look(first, lamp_of, parts, sums, work);
+            self.look(first, lamp_of, sums, work);
         }
     }
 
     /// Adds what a path sees of the sky from a surface: `work.looks`, by a record of it.
-    fn look<'l>(
-        &self,
-        record: &Record,
-        lamp_of: impl Fn(usize) -> &'l Lamp,
-        parts: Parts,
-        sums: &mut Sums<'_>,
-        work: &mut Work,
-    ) {
+    fn look<'l>(&self, record: &Record, lamp_of: impl Fn(usize) -> &'l Lamp, sums: &mut Sums<'_>, work: &mut Work) {
         let paths = self.block.paths;
         let sample = &paths.samples[record.sample as usize];
         let (lamp, spectrum) = (lamp_of(sample.cluster.into()), paths.spectrum(record.spectrum));
         self.lights.mix(&work.looks, &mut work.amounts);
         work.looks.clear();
         self.lights.by_sky(lamp, self.block.nodes, spectrum, &work.amounts, &mut work.values);
-        let term = parts.of(record);
+        let term = sums.parts.of(record);
         sums.add_values(sample.replicate.into(), term, work.values.iter().copied(), 1.0);
     }
 

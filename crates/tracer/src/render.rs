@@ -91,6 +91,12 @@ impl View<'_> {
             && self.algorithm.traced_by() == other.algorithm.traced_by()
     }
 
+    /// The numbers of a pixel's first sample in a replicate.
+    pub(crate) fn numbers(&self, pixel: (u32, u32), replicate: u32) -> Stream {
+        let key = u64::from(pixel.1) * u64::from(self.pixels.0) + u64::from(pixel.0);
+        Stream::new(self.seed, self.id, key, replicate, 0)
+    }
+
     /// Where its lines of sight are solved.
     pub(crate) fn lattice(&self) -> Lattice<'_> {
         let world = &self.scenery.world;
@@ -407,7 +413,6 @@ impl Target<'_, '_> {
         paths: &mut Paths,
         first: Option<&First>,
     ) {
-        let n_times = self.views.iter().map(|view| view.times.len()).sum();
         if let Some(cache) = &mut paths.cache {
             let (clock, out) = (self.out[0].1.clock, &mut *self.out);
             cache.light(self.views, self.lattice, Parts::Whole, clock, |v, t, rays, begun| {
@@ -415,8 +420,7 @@ impl Target<'_, '_> {
                 out[v].0.rays += rays;
             });
         }
-        let lightable =
-            Lightable::new(&self.views[0], pending, self.lattice, paths, n_times, Parts::Whole, Proofs::Together);
+        let lightable = Lightable::new(self.views, pending, self.lattice, paths, Parts::Whole, Proofs::Together);
         let mut last = LastSun::default();
         // Side by side, times of several views may have one sun.
         for t in 0..self.views.iter().map(|view| view.times.len()).max().unwrap_or(0) {
@@ -486,13 +490,12 @@ pub(crate) fn trace_pixel(
     (draws, from): ([Draws; 2], u32),
     paths: &mut Paths,
 ) -> PixelPaths {
-    let key = u64::from(pixel.1) * u64::from(view.pixels.0) + u64::from(pixel.0);
     let of = |replicate: usize| draws[half_of(replicate as u8)];
     let counts = std::array::from_fn(|replicate| of(replicate).samples.saturating_sub(from));
     let middle = Sight::new(view.sight, [f64::from(pixel.0) + 0.5, f64::from(pixel.1) + 0.5]);
     let trace = |paths: &mut Paths| {
         for replicate in 0..REPLICATES as u8 {
-            let first = Stream::new(view.seed, view.id, key, replicate.into(), 0);
+            let first = view.numbers(pixel, replicate.into());
             let half = draws[half_of(replicate)];
             let seen = |i: u32, paths: &mut Paths| {
                 let mut stream = first.at(i);
@@ -513,7 +516,7 @@ pub(crate) fn trace_pixel(
             if begin < half.samples {
                 let mut later: Vec<_> = (begin..half.samples).map(|i| seen(i, paths)).collect();
                 // Numbers of its own.
-                let mut stream = Stream::new(view.seed, view.id, key, REPLICATES as u32 + u32::from(replicate), 0);
+                let mut stream = view.numbers(pixel, REPLICATES as u32 + u32::from(replicate));
                 choose_looks(&mut later, half.looks.saturating_sub(1), &mut stream);
                 later.into_iter().for_each(|own| trace(own, paths));
             }
@@ -592,16 +595,17 @@ pub(crate) struct Lightable<'a> {
 }
 
 impl<'a> Lightable<'a> {
-    /// With parts of the radiance kept apart.
+    /// For all times of views of the same paths, with parts of the radiance kept apart.
     pub fn new(
-        view: &View<'a>,
+        views: &[View<'a>],
         pixels: &'a [PixelPaths],
         lattice: &'a Lattice<'a>,
         paths: &'a Paths,
-        n_times: usize,
         parts: Parts,
         proofs: Proofs,
     ) -> Self {
+        let view = &views[0];
+        let n_times = views.iter().map(|view| view.times.len()).sum();
         let vertices = pixels.iter().map(|pixel| pixel.vertices.clone()).collect();
         let block = Block::new(view.scenery, paths, vertices, (view.channels, view.nodes), lattice, n_times, proofs);
         let shares = |pixel: &PixelPaths| {
@@ -784,7 +788,7 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         samples.iter().filter(|sample| usize::from(sample.cluster) == q).count() as f64 / samples.len() as f64
     };
     let sky_view = SkyView::of(&paths, &traced[0]).mean();
-    let lightable = Lightable::new(&alone, &traced, &lattice, &paths, 1, Parts::Terms, Proofs::Together);
+    let lightable = Lightable::new(one, &traced, &lattice, &paths, Parts::Terms, Proofs::Together);
     let mut out = None;
     lightable.light(&alone, &alone.times[0], &mut LastSun::default(), Some((0, 0)), |pixel, lit| {
         out = Some(terms(pixel, lit, sky_view, &share));
