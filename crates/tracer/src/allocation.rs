@@ -1,12 +1,12 @@
 //! How many samples each pixel takes: its first ones tell, of it and of those around.
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec4};
 use smallvec::SmallVec;
 use sunglint_geometry::{FacetId, MaterialId};
 use sunglint_radiometry::{REPLICATES, estimate};
 
 use crate::Accuracy;
-use crate::even::Even;
+use crate::even::{Even, Rest};
 use crate::paths::{Paths, RayCounts};
 use crate::pixel::{Parts, PixelRadiance};
 use crate::render::{
@@ -25,8 +25,8 @@ pub(crate) struct First {
     /// Material that each pixel's first sample met, and the facet that each replicate's did.
     materials: Vec<Option<MaterialId>>,
     facets: Vec<[Option<FacetId>; REPLICATES]>,
-    /// Places of the pixels within the tile.
-    block: Vec<(u32, u32)>,
+    /// Places of the pixels within the tile, and whether each is proved to see one facet alone.
+    block: Vec<((u32, u32), bool)>,
 }
 
 impl First {
@@ -35,12 +35,13 @@ impl First {
         view: &View<'_>,
         lattice: &Lattice<'_>,
         tile: Tile,
-        block: &[(u32, u32)],
+        block: &[Rest],
         paths: &mut Paths,
         watch: &mut Watch<'_>,
     ) -> Self {
-        let trace = |(i, (x, y)): (usize, &(u32, u32))| {
-            trace_pixel(view, (tile.x + x, tile.y + y), i, ([Draws::all(1); 2], 0), &mut *paths)
+        let trace = |(i, Rest { place: (x, y), sole, .. }): (usize, &Rest)| {
+            let pixel = (tile.x + x, tile.y + y);
+            trace_pixel(view, (pixel, sole.as_ref()), i, ([Draws::all(1); 2], 0), &mut *paths)
         };
         let traced: Vec<PixelPaths> = block.iter().enumerate().map(trace).collect();
         let material = |pixel: &PixelPaths| {
@@ -73,7 +74,8 @@ impl First {
             .collect();
         paths.rays += rays;
         paths.clear();
-        Self { times, sky_views, materials, facets, block: block.to_vec() }
+        let block = block.iter().map(|pixel| (pixel.place, pixel.sole.is_some())).collect();
+        Self { times, sky_views, materials, facets, block }
     }
 
     /// How many samples each replicate of each half takes, the first included: chosen by the other half.
@@ -91,17 +93,15 @@ impl First {
                             Some(worth) => {
                                 let Price { floor, least } = worth.of[t * view.channels.len() + c];
                                 let scale = REPLICATES as f64 * own.mean.max(floor).powi(2);
-                                if scale > 0.0 { own.spread.worthwhile(scale * least) } else { [1.0; 2] }
+                                if scale > 0.0 { own.spread.worthwhile(scale * least) } else { Draws::all(1) }
                             }
                             None => {
                                 let wanted = relative * own.mean.max(floor.unwrap_or(0.01 * mean));
                                 let allowed = beside(REPLICATES as f64 * wanted * wanted, own.shared);
-                                [if allowed > 0.0 { needed(own, allowed) } else { 1.0 }; 2]
+                                Draws::all(if allowed > 0.0 { needed(own, allowed).min(most).ceil() as u32 } else { 1 })
                             }
                         };
-                        let [samples, looks] = needed.map(|n| n.min(most).ceil() as u32);
-                        let own = &mut draws[half];
-                        *own = Draws { samples: own.samples.max(samples), looks: own.looks.max(looks) };
+                        draws[half] = draws[half].max(needed.at_most(most as u32));
                     }
                 }
             }
@@ -132,27 +132,31 @@ impl First {
         self.times[t].iter().zip(&self.facets).map(of_pixel).collect()
     }
 
-    /// The same, with no less variance than the pixels around tell.
+    /// The same, with no less variance than the pixels around tell: between facets relative to what each is, since what lies in the
+    /// dark beside a bright edge is seldom part of it, and none where one facet alone is seen.
     fn heard(&self, seen: &[Seen]) -> Vec<Seen> {
         let heard = |(i, own): (usize, &Seen)| {
-            let around = self.around(i, |j| seen[j].spread.whole.extend(seen[j].spread.looked));
-            let Spread { whole, looked, .. } = own.spread;
-            let (whole, looked) = (whole.max(around.truncate()), looked.max(around.z));
-            Seen { spread: Spread { whole, looked, ..own.spread }, ..*own }
+            let of = |j: usize| {
+                let Seen { mean, spread, .. } = seen[j];
+                let darker = if mean > own.mean { (own.mean / mean).powi(2) } else { 1.0 };
+                spread.of * DVec4::new(if self.block[i].1 { 0.0 } else { darker }, 1.0, 1.0, 1.0)
+            };
+            let spread = Spread { of: own.spread.of.max(self.around(i, of)), ..own.spread };
+            Seen { spread, ..*own }
         };
         seen.iter().enumerate().map(heard).collect()
     }
 
     /// Mean over the pixels around one that see the same material, itself among them: eight samples know their own variance
     /// badly, and may miss an edge that neighbours see.
-    fn around(&self, i: usize, value: impl Fn(usize) -> DVec3) -> DVec3 {
-        let (x, y) = self.block[i];
+    fn around(&self, i: usize, value: impl Fn(usize) -> DVec4) -> DVec4 {
+        let ((x, y), _) = self.block[i];
         let near = |j: &usize| {
-            let (u, v) = self.block[*j];
+            let ((u, v), _) = self.block[*j];
             x.abs_diff(u) <= 1 && y.abs_diff(v) <= 1 && self.materials[*j] == self.materials[i]
         };
         let (sum, n) =
-            (0..self.block.len()).filter(near).fold((DVec3::ZERO, 0.0), |(sum, n), j| (sum + value(j), n + 1.0));
+            (0..self.block.len()).filter(near).fold((DVec4::ZERO, 0.0), |(sum, n), j| (sum + value(j), n + 1.0));
         sum / f64::max(n, 1.0)
     }
 }
@@ -168,36 +172,60 @@ struct Seen {
     unseen: f64,
 }
 
-/// Variance of one sample on a facet in the sun or in the shade, W, and what edges between these add to it, B.
+/// What a sample costs that tells what its line of sight meets, what it costs beside that where it is traced on, and what where it
+/// looks: by counts of instructions, which hardly change what an image takes.
+const COSTS: [f64; 3] = [1.0, 2.0, 4.0];
+
+/// Variance of one sample, told apart by what lowers it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Spread {
-    whole: DVec2,
-    /// W of what rays found of sky and background alone.
-    looked: f64,
-    /// Least samples a replicate that look: the first, and one on each facet.
-    least_looks: f64,
+    /// Between facets; between the sun and the shade on a facet; on a facet in the sun or in the shade; what of the last rays
+    /// found of sky and background.
+    of: DVec4,
+    /// Least samples a replicate that are traced, and that look: the first, and one on each facet.
+    least: u32,
 }
 
-/// What looking costs, in samples that do not look: between one and two by counts of instructions, which hardly changes what an
-/// image takes.
-const LOOK: f64 = 2.0;
-
 impl Spread {
-    /// All but what looking finds on a facet: samples that do not look tell how much of the pixel each facet fills.
-    fn bare(&self) -> DVec2 {
-        self.whole - DVec2::new(self.looked, 0.0)
+    /// W and B: on facets in the sun or in the shade, and between these.
+    fn whole(&self) -> DVec2 {
+        DVec2::new(self.of.z, self.of.x + self.of.y)
     }
 
-    /// Samples a replicate, and how many of these look, up to which what one more costs lowers what is [left](Self::left) by at
-    /// least `least` for each sample's worth.
-    fn worthwhile(&self, least: f64) -> [f64; 2] {
-        let samples = worthwhile(self.bare().max(DVec2::ZERO), least);
-        let looks = worthwhile(DVec2::new(self.looked, 0.0), LOOK * least).max(self.least_looks);
-        if looks < samples { [samples, looks] } else { [worthwhile(self.whole, (1.0 + LOOK) * least); 2] }
+    /// Samples up to which what one more costs lowers what is [left](Self::left) by at least `least` for each that tells a facet.
+    /// Samples tell how much of the pixel each facet fills, those that are traced how the sun lights it and those that look what
+    /// is around: each as many as that alone is worth, or, where that were more than of those before, as both together.
+    fn worthwhile(&self, least: f64) -> Draws {
+        let [between, suns, within, looked] = self.of.to_array();
+        let levels = [DVec2::new(0.0, between), DVec2::new((within - looked).max(0.0), suns), DVec2::new(looked, 0.0)];
+        // Some of the samples do not stand as evenly along the edge of a shadow as all.
+        let is_edge = suns > 0.0;
+        let mut pools: SmallVec<[(DVec2, f64, f64, usize); 3]> = SmallVec::new();
+        for (k, (spread, cost)) in levels.into_iter().zip(COSTS).enumerate() {
+            let of = |spread, cost, n| (spread, cost, worthwhile(spread, cost * least), n);
+            let mut own = of(spread, cost, 1);
+            while let Some(&(before, paid, number, n)) = pools.last()
+                && (own.2 >= number || k == 1 && is_edge)
+            {
+                own = of(own.0 + before, own.1 + paid, own.3 + n);
+                pools.pop();
+            }
+            pools.push(own);
+        }
+        let mut numbers = pools.iter().flat_map(|(_, _, number, n)| std::iter::repeat_n(number.round() as u32, *n));
+        let mut next = |most: u32, least: u32| numbers.next().unwrap_or(1).max(least).min(most);
+        let samples = next(u32::MAX, 1);
+        let traced = next(samples, self.least);
+        Draws { samples, traced, looks: next(traced, self.least) }
     }
 
-    fn left(&self, [samples, looks]: [f64; 2]) -> f64 {
-        left(self.bare(), samples) + self.looked / looks
+    /// Variance of a replicate's mean, about.
+    fn left(&self, draws: Draws) -> f64 {
+        let [between, suns, within, looked] = self.of.to_array();
+        let [samples, traced, looks] = [draws.samples, draws.traced, draws.looks].map(f64::from);
+        let whole = DVec2::new(within - looked, suns);
+        let of_traced = if traced < samples { whole.element_sum() / traced } else { left(whole, traced) };
+        left(DVec2::new(0.0, between), samples) + of_traced + looked / looks
     }
 }
 
@@ -206,16 +234,18 @@ impl Seen {
     fn even(radiance: &PixelRadiance, c: usize) -> Self {
         let mean = radiance.estimate(c).mean;
         let noise = radiance.cache_noise.get(c).map_or(0.0, |noise| estimate(noise).standard_error);
-        let spread = Spread { whole: DVec2::ZERO, looked: 0.0, least_looks: 1.0 };
+        let spread = Spread { of: DVec4::ZERO, least: 1 };
         Self { mean, spread, shared: noise * noise * REPLICATES as f64, unseen: 0.0 }
     }
 
     fn new(values: &[f64], looked: &[f64], kinds: &[(Option<FacetId>, bool)]) -> Self {
         let mean = values.iter().sum::<f64>() / values.len() as f64;
-        let facets = (0..kinds.len()).filter(|i| kinds[..*i].iter().all(|(facet, _)| *facet != kinds[*i].0)).count();
-        let (whole, looked) = (told_apart(values, kinds), told_apart(looked, kinds).x);
-        let spread = Spread { whole, looked, least_looks: 1.0 + facets as f64 };
-        Self { mean, spread, shared: 0.0, unseen: 0.0 }
+        let of_kinds: SmallVec<[Option<FacetId>; REPLICATES]> = kinds.iter().map(|(facet, _)| *facet).collect();
+        let facets = (0..kinds.len()).filter(|i| !of_kinds[..*i].contains(&of_kinds[*i])).count();
+        let (apart, whole) = (told_apart(values, &of_kinds), told_apart(values, kinds));
+        let within = whole.x.min(apart.x);
+        let of = DVec4::new(apart.y, apart.x - within, within, told_apart(looked, kinds).x);
+        Self { mean, spread: Spread { of, least: 1 + facets as u32 }, shared: 0.0, unseen: 0.0 }
     }
 }
 
@@ -253,7 +283,7 @@ fn left(spread: DVec2, n: f64) -> f64 {
 
 /// Samples a replicate that leave no more than `allowed`, stated for what may have been missed included.
 fn needed(seen: &Seen, allowed: f64) -> f64 {
-    let Seen { spread: Spread { whole, .. }, unseen, .. } = *seen;
+    let (whole, unseen) = (seen.spread.whole(), seen.unseen);
     let r = REPLICATES as f64;
     let all = |n: f64| left(whole, n) + r * missed(unseen, r * n) - allowed;
     if all(1.0) <= 0.0 {
@@ -352,7 +382,7 @@ impl Worth {
             if !even.rest.is_empty() {
                 let mut watch = Watch::still(view.times.len());
                 let first = First::of_block(view, &lattice, tile, &even.rest, &mut paths, &mut watch);
-                let place = |pixel: &(u32, u32)| (pixel.1 * tile.width + pixel.0) as usize;
+                let place = |pixel: &Rest| (pixel.place.1 * tile.width + pixel.place.0) as usize;
                 for (at, of_block) in of_block.iter_mut().enumerate() {
                     let half = |half| first.seen(at / n_channels, at % n_channels, half);
                     for (pixel, own) in even.rest.iter().zip(first.heard(&half(0)).into_iter().zip(half(1))) {
@@ -372,8 +402,7 @@ impl Worth {
             let scaled = |seen: &Seen| {
                 let scale = REPLICATES as f64 * seen.mean.max(floor).powi(2);
                 let each = if scale > 0.0 { 1.0 / scale } else { 0.0 };
-                let Spread { whole, looked, .. } = seen.spread;
-                (Spread { whole: each * whole, looked: each * looked, ..seen.spread }, each * seen.shared)
+                (Spread { of: each * seen.spread.of, ..seen.spread }, each * seen.shared)
             };
             let shared = seen.iter().map(|(_, tells)| scaled(tells).1).sum::<f64>() / seen.len().max(1) as f64;
             let pixels = seen.iter().map(|(chooses, tells)| (scaled(chooses).0, scaled(tells).0)).collect();
@@ -389,9 +418,9 @@ impl Worth {
             let n_pixels = told.first().map_or(0, |of| of.pixels.len());
             let of_pixel = |i| {
                 let of_told = told.iter().zip(&own).map(|(of, least)| of.draws(i, factor * least));
-                of_told.fold([1.0; 2], |most: [f64; 2], own| [most[0].max(own[0]), most[1].max(own[1])])
+                of_told.fold(Draws::all(1), Draws::max)
             };
-            let draws: Vec<[f64; 2]> = (0..n_pixels).map(of_pixel).collect();
+            let draws: Vec<Draws> = (0..n_pixels).map(of_pixel).collect();
             let left = |of: &Told| of.left(|i| draws[i]) * (wanted / beside(wanted, of.shared));
             told.iter().map(left).fold(0.0, f64::max)
         });
@@ -410,12 +439,12 @@ struct Told {
 }
 
 impl Told {
-    fn draws(&self, i: usize, least: f64) -> [f64; 2] {
+    fn draws(&self, i: usize, least: f64) -> Draws {
         self.pixels[i].0.worthwhile(least)
     }
 
     /// Mean square of the relative standard error that numbers of samples leave.
-    fn left(&self, draws: impl Fn(usize) -> [f64; 2]) -> f64 {
+    fn left(&self, draws: impl Fn(usize) -> Draws) -> f64 {
         let of_pixel = |(i, (_, tells)): (usize, &(_, Spread))| tells.left(draws(i));
         self.pixels.iter().enumerate().map(of_pixel).sum::<f64>() / self.pixels.len().max(1) as f64
     }
@@ -430,18 +459,21 @@ fn dearest(wanted: f64, left: impl Fn(f64) -> f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Two facets of 1 and 3, even on each: all variance is between them. One facet: all is within.
+    /// Two facets of 1 and 3, even on each: all variance is between them. One facet, half of it in the sun: all is between sun and
+    /// shade. One facet in the sun: all is within.
     #[test]
-    fn variance_is_told_apart_by_facets() {
-        let facets: Vec<_> = (0..8).map(|i| (Some(FacetId(i / 4)), true)).collect();
+    fn variance_is_told_apart_by_facets_and_shadows() {
         let values: Vec<f64> = (0..8).map(|i| if i < 4 { 1.0 } else { 3.0 }).collect();
-        let seen = Seen::new(&values, &[0.0; 8], &facets);
-        assert_eq!((seen.mean, seen.spread.whole.x, seen.spread.least_looks), (2.0, 0.0, 3.0));
-        assert!((seen.spread.whole.y - 8.0 / 7.0).abs() < 1e-12);
-        let one = vec![None::<FacetId>; 8];
-        assert_eq!(told_apart(&values, &one), DVec2::new(8.0 / 7.0, 0.0));
-        let each: Vec<Option<FacetId>> = (0..8).map(|i| Some(FacetId(i))).collect();
-        assert_eq!(told_apart(&values, &each).y, 0.0);
+        let of = |kind: &dyn Fn(u32) -> (Option<FacetId>, bool)| {
+            let seen = Seen::new(&values, &[0.0; 8], &(0..8).map(kind).collect::<Vec<_>>());
+            assert_eq!(seen.mean, 2.0);
+            (seen.spread.of.to_array().map(|of| (of * 7.0).round()), seen.spread.least)
+        };
+        assert_eq!(of(&|i| (Some(FacetId(i / 4)), true)), ([8.0, 0.0, 0.0, 0.0], 3));
+        assert_eq!(of(&|i| (Some(FacetId(7)), i < 4)), ([0.0, 8.0, 0.0, 0.0], 2));
+        assert_eq!(of(&|_| (None, true)), ([0.0, 0.0, 8.0, 0.0], 2));
+        // As many as samples: nothing is told apart.
+        assert_eq!(of(&|i| (Some(FacetId(i)), true)), ([0.0, 0.0, 8.0, 0.0], 9));
     }
 
     /// With all variance on facets n = √(W/least), with all between them n = (1.5 B/least)^(2/5).
@@ -455,25 +487,36 @@ mod tests {
         assert!((10.0 / (n * n) + 75.0 / n.powf(2.5) - 1e-3).abs() < 1e-9);
     }
 
-    /// Where what looking finds varies little, few look; where it holds all, all do, for what both cost.
+    /// Where what tracing or looking finds varies little few do; where it holds all, all do, for what all cost; and at the edge of
+    /// a shadow all are traced.
     #[test]
-    fn as_many_samples_look_as_is_worth_it() {
-        let of = |bare: f64, looked: f64| {
-            let whole = DVec2::new(bare + looked, 0.0);
-            Spread { whole, looked, least_looks: 2.0 }.worthwhile(1e-2)
+    fn as_many_samples_are_traced_and_look_as_is_worth_it() {
+        let of = |of: [f64; 4]| {
+            let Draws { samples, traced, looks } = Spread { of: of.into(), least: 2 }.worthwhile(1e-3);
+            [samples, traced, looks]
         };
-        let near = |[a, b]: [f64; 2], [c, d]: [f64; 2]| (a - c).abs() < 1e-5 && (b - d).abs() < 1e-5;
-        assert!(near(of(100.0, 0.0), [100.0, 2.0]));
-        assert!(near(of(100.0, 2.0), [100.0, (2.0 / LOOK / 1e-2).sqrt()]));
-        assert!(near(of(0.0, 300.0), [(300.0 / (1.0 + LOOK) / 1e-2).sqrt(); 2]));
-        let spread = Spread { whole: DVec2::new(7.0, 0.0), looked: 3.0, least_looks: 1.0 };
-        assert!((spread.left([8.0, 2.0]) - (4.0 / 8.0 + 3.0 / 2.0)).abs() < 1e-12);
+        let [camera, trace, look] = COSTS;
+        let between = |b: f64, cost: f64| (1500.0 * b / cost).powf(0.4).round() as u32;
+        let on = |w: f64, cost: f64| (1000.0 * w / cost).sqrt().round() as u32;
+        assert_eq!(of([0.0; 4]), [1, 1, 1]);
+        assert_eq!(of([1.0, 0.0, 0.0, 0.0]), [between(1.0, camera), 2, 2]);
+        assert_eq!(of([1.0, 0.0, 0.05, 0.0]), [between(1.0, camera), on(0.05, trace), 2]);
+        assert_eq!(
+            of([0.0, 1.0, 0.0, 0.0]),
+            [between(1.0, camera + trace); 2].into_iter().chain([2]).collect::<Vec<_>>()[..]
+        );
+        assert_eq!(of([1.0, 0.0, 0.05, 0.05]), [between(1.0, camera), on(0.05, trace + look), on(0.05, trace + look)]);
+        assert_eq!(of([0.0, 0.0, 1.0, 1.0]), [on(1.0, camera + trace + look); 3]);
+        let spread = Spread { of: DVec4::new(8.0, 2.0, 7.0, 3.0), least: 1 };
+        let left = |samples, traced, looks| spread.left(Draws { samples, traced, looks });
+        assert!((left(16, 4, 2) - (8.0 / 64.0 + 2.0 / 4.0 + 4.0 / 4.0 + 3.0 / 2.0)).abs() < 1e-12);
+        assert!((left(4, 4, 2) - (8.0 / 8.0 + 2.0 / 8.0 + 4.0 / 4.0 + 3.0 / 2.0)).abs() < 1e-12);
     }
 
     #[test]
     fn as_many_samples_are_needed_as_bring_the_variance_down() {
         let needed = |within, between, unseen| {
-            let spread = Spread { whole: DVec2::new(within, between), looked: 0.0, least_looks: 1.0 };
+            let spread = Spread { of: DVec4::new(between, 0.0, within, 0.0), least: 1 };
             needed(&Seen { mean: 1.0, spread, shared: 0.0, unseen }, 1.0)
         };
         assert_eq!(needed(0.5, 0.4, 0.0), 1.0);

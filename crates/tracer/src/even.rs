@@ -3,21 +3,31 @@
 //!
 //! The first is proved of a pixel whatever the time, the second of each time by itself; where either fails, samples are taken.
 
+use std::rc::Rc;
+
 use sunglint_geometry::{Hit, SoleFacet};
 use sunglint_radiometry::REPLICATES;
 
+use crate::corners::Corners;
 use crate::paths::{Paths, RayCounts};
 use crate::pixel::{Parts, PixelRadiance};
 use crate::render::{Lightable, PixelPaths, Proofs, SkyView, Tile, View};
-use crate::sightline::{CLUSTER_RATIO, Lattice, Sight};
+use crate::sightline::{Lattice, Sight};
 use crate::sun::LastSun;
+
+/// A pixel of which some time has to be sampled.
+pub(crate) struct Rest {
+    /// Its place within the tile.
+    pub place: (u32, u32),
+    /// The facet that it is proved to see alone.
+    pub sole: Option<Rc<SoleFacet>>,
+    /// The times that need no samples, of all views one after another; empty where all do.
+    done: Vec<bool>,
+}
 
 /// What is known of a block without sampling.
 pub(crate) struct Even {
-    /// Pixels of which some time has to be sampled, by place within the tile.
-    pub rest: Vec<(u32, u32)>,
-    /// Of those, the times that need not: by pixel, of all views one after another.
-    done: Vec<Vec<bool>>,
+    pub rest: Vec<Rest>,
     /// Where each view's times begin.
     views: Vec<usize>,
     /// F of the pixels that are told at all times, by place.
@@ -27,7 +37,7 @@ pub(crate) struct Even {
 impl Even {
     /// Whether a pixel of the rest is told at one time of a view.
     pub fn is_done(&self, pixel: usize, (v, t): (usize, usize)) -> bool {
-        self.done.get(pixel).is_some_and(|own| own[self.views[v] + t])
+        self.rest[pixel].done.get(self.views.get(v).map_or(0, |first| first + t)).is_some_and(|done| *done)
     }
 
     /// Traces and lights what can be told of a block of a tile, and hands each pixel to `each`, with view and time; `spent` is told
@@ -42,11 +52,23 @@ impl Even {
         mut spent: impl FnMut((usize, usize), RayCounts, f64),
     ) -> Self {
         let view = &views[0];
-        let mut even = Self { rest: block.to_vec(), done: Vec::new(), views: Vec::new(), told: Vec::new() };
+        let mut even = Self { rest: Vec::new(), views: Vec::new(), told: Vec::new() };
+        let rest = |soles: Vec<Option<Rc<SoleFacet>>>| {
+            let rest = |(place, sole): (&(u32, u32), _)| Rest { place: *place, sole, done: Vec::new() };
+            block.iter().zip(soles).map(rest).collect()
+        };
         if !view.algorithm.knows_even() {
+            even.rest = rest(match &paths.sole {
+                Some(sole) => vec![Some(sole.clone()); block.len()],
+                None if !paths.sees_few => vec![None; block.len()],
+                None => prove(view, (tile, block), paths).into_iter().map(|own| own.map(|(sole, _)| sole)).collect(),
+            });
             return even;
         }
-        let traced = trace(view, (tile, block), paths);
+        let proved = prove(view, (tile, block), paths);
+        let traced = trace(view, (tile, block), &proved, paths);
+        let soles = proved.into_iter().map(|own| own.map(|(sole, _)| sole)).collect();
+        even.rest = rest(soles);
         if traced.is_empty() {
             return even;
         }
@@ -55,7 +77,7 @@ impl Even {
             even.views.push(n_times);
             n_times += view.times.len();
         }
-        let mut done = vec![vec![false; n_times]; block.len()];
+        even.rest.iter_mut().for_each(|pixel| pixel.done = vec![false; n_times]);
         if let Some(cache) = &mut paths.cache {
             cache.light(views, lattice, parts, clock, |v, t, rays, begun| spent((v, t), rays, begun));
         }
@@ -65,55 +87,56 @@ impl Even {
         for t in 0..views.iter().map(|view| view.times.len()).max().unwrap_or(0) {
             for (v, view) in views.iter().enumerate() {
                 let Some(time) = view.times.get(t) else { continue };
-                let (begun, at) = (clock(), even.views[v] + t);
+                let (begun, at, rest) = (clock(), even.views[v] + t, &mut even.rest);
                 let rays = lightable.light(view, time, &mut last, Some((v, t)), |pixel, radiance| {
-                    done[pixel.index][at] = true;
+                    rest[pixel.index].done[at] = true;
                     each(pixel, (v, t), radiance);
                 });
                 spent((v, t), rays, begun);
             }
         }
-        let is_told = |own: &[bool]| own.iter().all(|done| *done);
-        let all = traced.iter().filter(|pixel| is_told(&done[pixel.index]));
+        let is_told = |own: &Rest| !own.done.is_empty() && own.done.iter().all(|done| *done);
+        let all = traced.iter().filter(|pixel| is_told(&even.rest[pixel.index]));
         even.told = all.map(|pixel| (block[pixel.index], SkyView::of(paths, pixel).mean())).collect();
         paths.clear();
-        (even.rest, even.done) = block.iter().zip(done).filter(|(_, own)| !is_told(own)).unzip();
+        even.rest.retain(|own| !is_told(own));
         even
     }
 }
 
-/// A sample through the middle of each pixel that may be told by it, with what the lines through the pixel's corners meet.
-fn trace(view: &View<'_>, (tile, block): (Tile, &[(u32, u32)]), paths: &mut Paths) -> Vec<PixelPaths> {
+/// The facet that a pixel is proved to see alone, and what the lines of sight through its corners meet.
+type Proved = Option<(Rc<SoleFacet>, [Hit; 4])>;
+
+fn prove(view: &View<'_>, (tile, block): (Tile, &[(u32, u32)]), paths: &mut Paths) -> Vec<Proved> {
+    let corners = Corners::of_block(view, (tile, block), paths);
     let world = &view.scenery.world;
-    let Some((x, y)) = block.first().map(|(x, y)| (tile.x + x, tile.y + y)) else { return Vec::new() };
-    let (width, height) = block.iter().fold((0, 0), |(w, h), (i, j)| (w.max(tile.x + i - x), h.max(tile.y + j - y)));
-    let across = width as usize + 2;
-    let rays: Vec<_> = (0..height + 2)
-        .flat_map(|j| (0..width + 2).map(move |i| (f64::from(x + i), f64::from(y + j))))
-        .map(|(x, y)| (view.sight)(x, y))
-        .collect();
-    let hits: Vec<_> = rays.iter().map(|ray| paths.seen(world, ray)).collect();
+    let proved = |pixel: &(u32, u32)| {
+        let met = corners.met(*pixel)?;
+        Some((corners.sole(world, *pixel, &met, paths.sole.as_ref())?, met))
+    };
+    block.iter().map(proved).collect()
+}
+
+/// A sample through the middle of each pixel that may be told by it, with what the lines through the pixel's corners meet.
+fn trace(
+    view: &View<'_>,
+    (tile, block): (Tile, &[(u32, u32)]),
+    proved: &[Proved],
+    paths: &mut Paths,
+) -> Vec<PixelPaths> {
     let mut traced = Vec::new();
-    for (index, (i, j)) in block.iter().enumerate() {
+    for (index, ((i, j), proved)) in block.iter().zip(proved).enumerate() {
+        let Some((sole, met)) = proved else { continue };
         let (column, row) = (tile.x + i, tile.y + j);
-        let first = (row - y) as usize * across + (column - x) as usize;
-        let corners = [first, first + 1, first + across + 1, first + across];
-        let Some(met) = same_facet(corners.map(|corner| hits[corner])) else { continue };
         let sight = Sight::new(view.sight, [f64::from(column) + 0.5, f64::from(row) + 0.5]);
-        let by_block = |paths: &mut Paths| {
-            let sole = paths.sole.as_ref()?;
-            corners.iter().all(|corner| sole.meet(&rays[*corner]).is_some()).then(|| sole.meet(&sight.ray)).flatten()
-        };
-        let hit = by_block(paths)
-            .or_else(|| SoleFacet::of_hits(world, &corners.map(|corner| rays[corner]), &met)?.meet(&sight.ray));
-        let Some(hit) = hit else { continue };
+        let Some(hit) = sole.meet(&sight.ray) else { continue };
         paths.rays.camera_proved += 1;
         let mut stream = view.numbers((column, row), 0);
         let (pixel, is_even) = PixelPaths::traced(paths, index, [1; REPLICATES], &sight, |paths| {
             let is_even = view.algorithm.trace_even(view.scenery, &sight, &hit, &mut stream, paths);
             if is_even {
                 for hit in met {
-                    paths.vertex(hit, true, stream.later());
+                    paths.vertex(*hit, true, stream.later());
                 }
             }
             is_even
@@ -123,15 +146,4 @@ fn trace(view: &View<'_>, (tile, block): (Tile, &[(u32, u32)]), paths: &mut Path
         }
     }
     traced
-}
-
-/// The hits, where all lie on one side of one plane facet at about one range.
-fn same_facet(hits: [Option<Hit>; 4]) -> Option<[Hit; 4]> {
-    let first = hits[0]?;
-    let own = hits
-        .map(|hit| hit.filter(|hit| (hit.facet, hit.front, hit.normal) == (first.facet, first.front, first.normal)));
-    let [Some(a), Some(b), Some(c), Some(d)] = own else { return None };
-    let ranges = own.iter().flatten().map(|hit| hit.t);
-    let (near, far) = ranges.fold((f64::INFINITY, 0.0), |(near, far): (f64, f64), t| (near.min(t), far.max(t)));
-    (far <= near * CLUSTER_RATIO).then_some([a, b, c, d])
 }

@@ -371,9 +371,9 @@ pub(crate) fn shares_of(paths: &Paths, taken: &[Taken]) -> PointShares {
             cells.push((*corners, [[0.0; REPLICATES]; 4]));
             cells.len() - 1
         });
-        let replicate = usize::from(paths.samples[*sample as usize].replicate);
+        let sample = &paths.samples[*sample as usize];
         for (sums, value) in cells[at].1.iter_mut().zip([1.0, *u, *v, u * v]) {
-            sums[replicate] += value;
+            sums[usize::from(sample.replicate)] += sample.weight * value;
         }
     }
     let mut shares = PointShares::new();

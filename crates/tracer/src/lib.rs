@@ -9,6 +9,7 @@
 mod algorithm;
 mod allocation;
 mod band_means;
+mod corners;
 mod even;
 mod full;
 mod gathered;

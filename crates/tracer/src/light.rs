@@ -258,7 +258,7 @@ impl<'a> BlockLight<'a> {
             let mut shares = [0.0; REPLICATES];
             let samples = &self.block.paths.samples[samples.clone()];
             for sample in samples.iter().filter(|sample| usize::from(sample.cluster) == q) {
-                shares[sample.replicate as usize] += each[sample.replicate as usize];
+                shares[sample.replicate as usize] += sample.weight * each[sample.replicate as usize];
             }
             for (sums, value) in radiance.iter_mut().zip(values) {
                 sums.iter_mut().zip(&shares).for_each(|(sum, share)| *sum += share * value);
@@ -267,9 +267,10 @@ impl<'a> BlockLight<'a> {
             upwelled.iter_mut().zip(values).for_each(|(sum, value)| *sum += share * value);
         }
         let (mut lit, mut looks) = ([0.0; REPLICATES], 0);
-        for sample in &self.block.paths.samples[samples] {
+        let samples = &self.block.paths.samples[samples];
+        for sample in samples {
             let visible = sample.vertex.map_or(0.0, |vertex| self.sun.visible[vertex as usize]);
-            lit[sample.replicate as usize] += visible * each[sample.replicate as usize];
+            lit[sample.replicate as usize] += visible * sample.weight * each[sample.replicate as usize];
             looks += u32::from(!sample.sky_view.is_nan());
         }
         let unseen = unseen(self.block, (light, &self.sun), |cluster| &lamps[cluster].0, &self.lights.bare().mean_sky);
@@ -284,7 +285,7 @@ impl<'a> BlockLight<'a> {
             lit,
             cache_noise: Vec::new(),
             unseen,
-            samples: counts.iter().sum(),
+            samples: samples.len() as u32,
             looks,
         }
     }

@@ -1,6 +1,7 @@
 //! Paths without light: what is kept of a block of pixels so that any time can light it.
 
 use std::ops::Range;
+use std::rc::Rc;
 
 use glam::DVec3;
 use rustc_hash::FxHashMap;
@@ -110,6 +111,9 @@ pub(crate) struct Sample {
     pub sky_ray: f64,
     /// Which of the pixel's ranges of line of sight the sample belongs to; set once the pixel is traced.
     pub cluster: u8,
+    /// For how many of its replicate's samples it stands, and for how many of those that are traced it looks.
+    pub weight: f64,
+    pub looks: f64,
 }
 
 /// Rays that were cast and rays that were proved unnecessary.
@@ -159,7 +163,7 @@ impl std::ops::AddAssign for RayCounts {
 impl Sample {
     /// One whose line of sight meets a vertex after a range, or leaves the scene.
     pub fn new(replicate: u8, vertex: Option<u32>, range: f64, sky_view: f64) -> Self {
-        Self { replicate, vertex, range, sky_view, sky_ray: 0.0, cluster: 0 }
+        Self { replicate, vertex, range, sky_view, sky_ray: 0.0, cluster: 0, weight: 1.0, looks: 1.0 }
     }
 }
 
@@ -171,13 +175,17 @@ pub struct Paths {
     pub(crate) rays: RayCounts,
     /// Whether what is recorded now was found by rays over a first surface.
     pub(crate) looked: bool,
+    /// For how many samples the one that is traced stands.
+    pub(crate) weight: f64,
     /// What samples take of points of the cache, in the order of the samples.
     pub(crate) taken: Vec<Taken>,
     pub(crate) cache: Option<Box<IrradianceCache>>,
     /// Room for steps of a path that wait, and for two spectra.
     pub(crate) room: Room,
-    /// The facet that the lines of sight of the block that is traced meet, where it is one.
-    pub(crate) sole: Option<SoleFacet>,
+    /// The facet that the lines of sight of the block or pixel that is traced meet, where it is one.
+    pub(crate) sole: Option<Rc<SoleFacet>>,
+    /// Whether the block sees few facets, as far as rays spread over it tell.
+    pub(crate) sees_few: bool,
     pub(crate) horizons: Horizons,
     /// Spectra at the nodes, one after another.
     spectra: Vec<f64>,
@@ -200,10 +208,12 @@ impl Paths {
             records: Vec::new(),
             rays: RayCounts::default(),
             looked: false,
+            weight: 1.0,
             taken: Vec::new(),
             cache: None,
             room: Room { waiting: Vec::new(), rho: vec![0.0; n_nodes], f: vec![0.0; n_nodes] },
             sole: None,
+            sees_few: false,
             horizons: Horizons::default(),
             spectra: vec![1.0; n_nodes],
             n_nodes,
@@ -277,6 +287,7 @@ impl Paths {
 
     pub(crate) fn record(&mut self, sample: u32, spectrum: SpectrumId, source: Source, weight: f64, term: Term) {
         if weight != 0.0 {
+            let weight = weight * self.weight;
             self.records.push(Record { sample, spectrum, source, weight, term, looked: self.looked });
         }
     }

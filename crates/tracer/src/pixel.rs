@@ -101,7 +101,7 @@ pub(crate) struct PixelRadiance {
     pub cache_noise: Vec<[f64; REPLICATES]>,
     /// What its samples may all have missed.
     pub unseen: Unseen,
-    /// Samples that it is the mean of, and those that looked at sky and background.
+    /// Samples that were traced for it, and those of them that looked at sky and background.
     pub samples: u32,
     pub looks: u32,
 }

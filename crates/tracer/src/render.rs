@@ -1,6 +1,7 @@
 //! Tiles: all pixels of a tile, at all times of its view.
 
 use std::ops::Range;
+use std::rc::Rc;
 
 use smallvec::SmallVec;
 use sunglint_atmosphere::Path;
@@ -8,7 +9,7 @@ use sunglint_geometry::{FacetId, Hit, Ray, SoleFacet};
 use sunglint_radiometry::{Channels, Estimate, REPLICATES, estimate};
 
 use crate::allocation::{First, Worth};
-use crate::even::Even;
+use crate::even::{Even, Rest};
 use crate::gathered::PixelLight;
 use crate::irradiance_cache::{PointShares, shares_of};
 use crate::light::{Block, BlockLight};
@@ -25,6 +26,8 @@ const TILE: u32 = 32;
 pub(crate) const BLOCK: u32 = 8;
 /// Rays along a side of a block that tell what it sees.
 const PROBES: usize = 4;
+/// Facets among what these meet up to which it is worth proving what pixels of the block see.
+const FEW: usize = 4;
 /// Bytes of the paths of one block after which they are lit and dropped.
 const PATHS_LIMIT: usize = 1 << 25;
 
@@ -120,10 +123,16 @@ impl View<'_> {
         });
         paths.cache.get_or_insert_default().begin(self);
         paths.horizons.begin(world, lattice.pixel_width(), &probes);
-        let first = probes[0].map(|hit| hit.facet);
-        let is_one = first.is_some() && probes.iter().all(|hit| hit.map(|hit| hit.facet) == first);
+        let mut facets: SmallVec<[Option<FacetId>; PROBES * PROBES]> = SmallVec::new();
+        for facet in probes.iter().map(|hit| hit.map(|hit| hit.facet)) {
+            if !facets.contains(&facet) {
+                facets.push(facet);
+            }
+        }
+        paths.sees_few = facets.len() <= FEW;
+        let is_one = facets.len() == 1 && facets[0].is_some();
         let corners = || [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)];
-        paths.sole = is_one.then(corners).and_then(|corners| SoleFacet::of(world, &corners));
+        paths.sole = is_one.then(corners).and_then(|corners| SoleFacet::of(world, &corners)).map(Rc::new);
     }
 }
 
@@ -381,14 +390,14 @@ impl Target<'_, '_> {
     ) {
         let mut pending = Vec::new();
         let (view, before) = (&self.views[0], u32::from(first.is_some()));
-        for (i, &(x, y)) in even.rest.iter().enumerate() {
+        for (i, Rest { place: (x, y), sole, .. }) in even.rest.iter().enumerate() {
             let index = (y * tile.width + x) as usize;
             let pixel = (tile.x + x, tile.y + y);
             let draws = draws(i);
             self.out[0].0.samples[index] = n_samples(&draws) as f32;
             let mut sky_view = first.map_or_else(Default::default, |first| first.sky_views[i]);
             if draws.iter().any(|half| half.samples > before) {
-                let traced = trace_pixel(view, pixel, i, (draws, before), paths);
+                let traced = trace_pixel(view, (pixel, sole.as_ref()), i, (draws, before), paths);
                 sky_view = sky_view.and(SkyView::of(paths, &traced));
                 pending.push(traced);
             } else if let Some(first) = first {
@@ -431,7 +440,7 @@ impl Target<'_, '_> {
                     if even.is_done(pixel.index, (v, t)) {
                         return;
                     }
-                    let (x, y) = even.rest[pixel.index];
+                    let (x, y) = even.rest[pixel.index].place;
                     if let Some(first) = first {
                         radiance.join(&first.times[t][pixel.index], &pixel.counts);
                     }
@@ -462,18 +471,33 @@ impl Target<'_, '_> {
     }
 }
 
-/// Samples of each replicate of a half.
+/// Samples of each replicate of a half: all tell what their lines of sight meet.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Draws {
     pub samples: u32,
-    /// About how many of these look at sky and background by rays, for all.
+    /// About how many of these are traced on from there, for all.
+    pub traced: u32,
+    /// About how many of those look at sky and background by rays, for all that are traced.
     pub looks: u32,
 }
 
 impl Draws {
-    /// So many samples that all look.
+    /// So many samples that are all traced and all look.
     pub const fn all(samples: u32) -> Self {
-        Self { samples, looks: samples }
+        Self { samples, traced: samples, looks: samples }
+    }
+
+    /// No more samples than this.
+    pub fn at_most(self, most: u32) -> Self {
+        let Self { samples, traced, looks } = self;
+        Self { samples: samples.min(most), traced: traced.min(most), looks: looks.min(most) }
+    }
+
+    /// The larger of each.
+    pub fn max(self, other: Self) -> Self {
+        let Self { samples, traced, looks } = self;
+        let samples = samples.max(other.samples);
+        Self { samples, traced: traced.max(other.traced), looks: looks.max(other.looks) }
     }
 }
 
@@ -485,7 +509,7 @@ fn n_samples(draws: &[Draws; 2]) -> u32 {
 /// Traces samples of a pixel, of each replicate those from one on.
 pub(crate) fn trace_pixel(
     view: &View<'_>,
-    pixel: (u32, u32),
+    (pixel, sole): ((u32, u32), Option<&Rc<SoleFacet>>),
     index: usize,
     (draws, from): ([Draws; 2], u32),
     paths: &mut Paths,
@@ -502,67 +526,106 @@ pub(crate) fn trace_pixel(
                 let [u, v] = stream.next2();
                 let sight = Sight::new(view.sight, [f64::from(pixel.0) + u, f64::from(pixel.1) + v]);
                 let hit = paths.seen(&view.scenery.world, &sight.ray);
-                (sight, stream, Draw { replicate, hit, looks: 1.0 })
+                Seen { sight, stream, hit }
             };
-            let trace = |(sight, mut stream, draw): (Sight<'_>, Stream, Draw), paths: &mut Paths| {
-                view.algorithm.trace(view.scenery, &sight, &draw, &mut stream, paths);
+            let trace = |own: Seen<'_>, [weight, looks]: [f64; 2], paths: &mut Paths| {
+                let Seen { sight, mut stream, hit } = own;
+                let id = paths.samples.len();
+                paths.weight = weight;
+                view.algorithm.trace(view.scenery, &sight, &Draw { replicate, hit, looks }, &mut stream, paths);
+                paths.weight = 1.0;
+                (paths.samples[id].weight, paths.samples[id].looks) = (weight, looks);
             };
-            // The first sample looks in any case.
+            // The first sample is traced and looks in any case.
             let begin = if half.looks < half.samples { from.max(1) } else { half.samples };
             for i in from..begin.min(half.samples) {
                 let own = seen(i, paths);
-                trace(own, paths);
+                trace(own, [1.0; 2], paths);
             }
             if begin < half.samples {
-                let mut later: Vec<_> = (begin..half.samples).map(|i| seen(i, paths)).collect();
+                let later: Vec<_> = (begin..half.samples).map(|i| seen(i, paths)).collect();
                 // Numbers of its own.
                 let mut stream = view.numbers(pixel, REPLICATES as u32 + u32::from(replicate));
-                choose_looks(&mut later, half.looks.saturating_sub(1), &mut stream);
-                later.into_iter().for_each(|own| trace(own, paths));
+                let facets: Vec<Side> = later.iter().map(Seen::facet).collect();
+                let traced = weights(&facets, half.traced.saturating_sub(1), &mut stream);
+                let kept = |weight: &f64| *weight > 0.0;
+                let facets: Vec<Side> = facets
+                    .into_iter()
+                    .zip(&traced)
+                    .filter(|(_, weight)| kept(weight))
+                    .map(|(facet, _)| facet)
+                    .collect();
+                let mut looks = weights(&facets, half.looks.saturating_sub(1), &mut stream).into_iter();
+                for (own, weight) in later.into_iter().zip(traced).filter(|(_, weight)| kept(weight)) {
+                    trace(own, [weight, looks.next().unwrap_or(1.0)], paths);
+                }
             }
         }
     };
-    PixelPaths::traced(paths, index, counts, &middle, trace).0
+    let of_block = sole.map(|own| std::mem::replace(&mut paths.sole, Some(own.clone())));
+    let (traced, ()) = PixelPaths::traced(paths, index, counts, &middle, trace);
+    if let Some(of_block) = of_block {
+        paths.sole = of_block;
+    }
+    traced
 }
 
 fn round_to_replicates(samples: u32) -> u32 {
     samples.max(1).next_multiple_of(REPLICATES as u32)
 }
 
-/// Lets about so many of a replicate's samples look for all, the same share of those on each facet and at least one: any with the
-/// same chance, so that the mean is that of all \[Neyman1938\].
-fn choose_looks(drawn: &mut [(Sight<'_>, Stream, Draw)], looks: u32, stream: &mut Stream) {
-    let facet = |draw: &Draw| draw.hit.map(|hit| (hit.facet, hit.front));
-    let share = f64::from(looks) / drawn.len() as f64;
-    type Seen = Option<(FacetId, bool)>;
-    let mut facets: SmallVec<[(Seen, usize); 4]> = SmallVec::new();
-    for (.., draw) in drawn.iter() {
-        match facets.iter_mut().find(|(of, _)| *of == facet(draw)) {
-            Some((_, n)) => *n += 1,
-            None => facets.push((facet(draw), 1)),
-        }
-    }
-    for (of, n) in facets {
-        let looks = ((share * n as f64).round() as usize).clamp(1, n);
-        // Evenly spread along a circle, from anywhere.
-        let begin = stream.next1() * n as f64;
-        let own = drawn.iter_mut().map(|(.., draw)| draw).filter(|draw| facet(draw) == of);
-        for (i, draw) in own.enumerate() {
-            let place = (i as f64 + begin) * looks as f64 / n as f64;
-            let is_look = place.floor() != ((i as f64 + 1.0 + begin) * looks as f64 / n as f64).floor();
-            draw.looks = if is_look { n as f64 / looks as f64 } else { 0.0 };
-        }
+/// What a line of sight meets, before the path is traced on.
+struct Seen<'a> {
+    sight: Sight<'a>,
+    stream: Stream,
+    hit: Option<Hit>,
+}
+
+/// A side of a facet, or the sky.
+type Side = Option<(FacetId, bool)>;
+
+impl Seen<'_> {
+    fn facet(&self) -> Side {
+        self.hit.map(|hit| (hit.facet, hit.front))
     }
 }
 
-/// F over the samples of a pixel that looked for it: their sum and number.
+/// For how many each of a replicate's samples stands where about so many of them stand for all: the same share of those on each
+/// facet and at least one, any with the same chance, so that the mean is that of all \[Neyman1938\]; 0 for the rest.
+fn weights(facets: &[Side], wanted: u32, stream: &mut Stream) -> Vec<f64> {
+    let share = f64::from(wanted) / facets.len() as f64;
+    let mut counts: SmallVec<[(Side, usize); 4]> = SmallVec::new();
+    for facet in facets {
+        match counts.iter_mut().find(|(of, _)| of == facet) {
+            Some((_, n)) => *n += 1,
+            None => counts.push((*facet, 1)),
+        }
+    }
+    let mut weights = vec![0.0; facets.len()];
+    for (of, n) in counts {
+        let own = weights.iter_mut().zip(facets).filter(|(_, facet)| **facet == of).map(|(weight, _)| weight);
+        let chosen = ((share * n as f64).round() as usize).clamp(1, n);
+        // Evenly spread along a circle, from anywhere.
+        let begin = stream.next1() * n as f64;
+        for (i, weight) in own.enumerate() {
+            let place = (i as f64 + begin) * chosen as f64 / n as f64;
+            let is_chosen = place.floor() != ((i as f64 + 1.0 + begin) * chosen as f64 / n as f64).floor();
+            *weight = if is_chosen { n as f64 / chosen as f64 } else { 0.0 };
+        }
+    }
+    weights
+}
+/// F over the samples of a pixel that looked for it: its sum, and for how many they stand.
 #[derive(Clone, Copy, Default)]
 pub(crate) struct SkyView(f64, f64);
 
 impl SkyView {
     pub fn of(paths: &Paths, pixel: &PixelPaths) -> Self {
         let told = paths.samples[pixel.samples.clone()].iter().filter(|sample| !sample.sky_view.is_nan());
-        told.fold(Self::default(), |Self(sum, n), sample| Self(sum + sample.sky_view, n + 1.0))
+        told.fold(Self::default(), |Self(sum, n), sample| {
+            let weight = sample.weight * sample.looks;
+            Self(sum + weight * sample.sky_view, n + weight)
+        })
     }
 
     fn and(self, other: Self) -> Self {
@@ -730,11 +793,14 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
     let mut paths = Paths::new(view.nodes.len());
     let lattice = view.lattice();
     view.begin(tile, &lattice, &mut paths);
-    let terms = |pixel: &PixelPaths, lit: PixelRadiance, sky_view: f64, share: &dyn Fn(usize) -> f64| PixelTerms {
+    let terms = |pixel: &PixelPaths,
+                 lit: PixelRadiance,
+                 (samples, sky_view): (u32, f64),
+                 share: &dyn Fn(usize) -> f64| PixelTerms {
         radiance: (0..lit.radiance.len()).map(|c| lit.estimate(c)).collect(),
         surface: lit.surface.iter().map(|replicates| estimate(replicates)).collect(),
         lit: lit.lit_fraction(),
-        samples: lit.samples,
+        samples,
         terms: lit.terms,
         upwelled: lit.upwelled,
         sky_view,
@@ -745,7 +811,7 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
     let mut out = None;
     let each = |pixel: &PixelPaths, _: (usize, usize), lit: PixelRadiance| {
         if pixel.index == at {
-            out = Some(terms(pixel, lit, f64::NAN, &|_| 1.0));
+            out = Some(terms(pixel, lit, (1, f64::NAN), &|_| 1.0));
         }
     };
     let even = Even::of_block((one, &lattice), (tile, &block), &mut paths, Parts::Terms, &still, each, |_, _, _| {});
@@ -754,6 +820,8 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
         out.sky_view = told.map_or(f64::NAN, |(_, sky_view)| *sky_view);
         return out;
     }
+    let is_own = |own: &Rest| own.place == block[at];
+    let sole = even.rest.iter().find(|own| is_own(own)).and_then(|own| own.sole.as_ref());
     // What others took of the cache was not told by term.
     paths.cache = None;
     view.begin(tile, &lattice, &mut paths);
@@ -772,76 +840,56 @@ pub fn render_pixel_terms(view: &View<'_>, pixel: (u32, u32), time: usize) -> Pi
                 |_, _, _| {},
                 |_, _, _| {},
             );
-            let rest =
-                even.rest.iter().position(|place| *place == block[at]).expect("a pixel that is not told is left");
+            let rest = even.rest.iter().position(is_own).expect("a pixel that is not told is left");
             First::of_block(view, &lattice, tile, &even.rest, &mut paths, &mut watch).draws(view)[rest]
         }
     };
     paths.cache = None;
     view.begin(tile, &lattice, &mut paths);
-    let traced = [trace_pixel(&alone, pixel, 0, (draws, 0), &mut paths)];
+    let traced = [trace_pixel(&alone, (pixel, sole), 0, (draws, 0), &mut paths)];
     if let Some(cache) = &mut paths.cache {
         cache.light(one, &lattice, Parts::Terms, &still, |_, _, _, _| {});
     }
     let samples = &paths.samples[traced[0].samples.clone()];
-    let share = |q: usize| {
-        samples.iter().filter(|sample| usize::from(sample.cluster) == q).count() as f64 / samples.len() as f64
+    let weight = |q: Option<usize>| -> f64 {
+        let own = samples.iter().filter(|sample| q.is_none_or(|q| usize::from(sample.cluster) == q));
+        own.map(|sample| sample.weight).sum()
     };
+    let share = |q: usize| weight(Some(q)) / weight(None);
     let sky_view = SkyView::of(&paths, &traced[0]).mean();
     let lightable = Lightable::new(one, &traced, &lattice, &paths, Parts::Terms, Proofs::Together);
     let mut out = None;
     lightable.light(&alone, &alone.times[0], &mut LastSun::default(), Some((0, 0)), |pixel, lit| {
-        out = Some(terms(pixel, lit, sky_view, &share));
+        out = Some(terms(pixel, lit, (n_samples(&draws), sky_view), &share));
     });
     out.expect("a pixel that was traced is lit")
 }
 
 #[cfg(test)]
 mod tests {
-    use glam::DVec3;
-    use sunglint_geometry::{Left, MaterialId};
-    use sunglint_radiometry::WorldDir;
-
     use super::*;
 
-    /// On each facet looks weigh as much as there are samples, and each sample, over many choices, 1.
+    /// On each facet those that are chosen stand for as many samples as there are, and each sample, over many choices, for 1.
     #[test]
-    fn looks_stand_for_all_samples_of_their_facet() {
-        let hit = |facet: u32| Hit {
-            t: 1.0,
-            point: DVec3::ZERO,
-            error: 0.0,
-            normal: DVec3::Z,
-            front: true,
-            material: MaterialId(0),
-            instance: 0,
-            facet: FacetId(facet),
-            left: Left::NONE,
-        };
-        let sight = |_: f64, _: f64| Ray::new(DVec3::ZERO, WorldDir::UP);
-        let facets = [Some(1), Some(2), Some(1), None, Some(1), Some(1), Some(2), Some(1), Some(1), Some(1), Some(1)];
+    fn chosen_samples_stand_for_all_of_their_facet() {
+        let facet = |id: u32| Some((FacetId(id), true));
+        let facets = [1, 2, 1, 0, 1, 1, 2, 1, 1, 1, 1].map(|id| if id > 0 { facet(id) } else { None });
         let choices = 8000;
-        for looks in [0, 3, 6, 10] {
+        for wanted in [0, 3, 6, 10, 11] {
             let mut sums = [0.0; 11];
             for choice in 0..choices {
-                let mut drawn: Vec<_> = facets
-                    .iter()
-                    .map(|facet| {
-                        let draw = Draw { replicate: 0, hit: facet.map(hit), looks: f64::NAN };
-                        (Sight::new(&sight, [0.0; 2]), Stream::new(0, 0, 0, 0, 0), draw)
-                    })
-                    .collect();
-                choose_looks(&mut drawn, looks, &mut Stream::new(1, 2, choice, 0, 0));
-                for facet in [Some(1), Some(2), None] {
-                    let own = || (0..11).filter(|i| facets[*i] == facet).map(|i| drawn[i].2.looks);
-                    assert!((own().sum::<f64>() - own().count() as f64).abs() < 1e-12, "{looks} {facet:?}");
+                let weights = weights(&facets, wanted, &mut Stream::new(1, 2, choice, 0, 0));
+                for facet in [facet(1), facet(2), None] {
+                    let own = || (0..11).filter(|i| facets[*i] == facet).map(|i| weights[i]);
+                    assert!((own().sum::<f64>() - own().count() as f64).abs() < 1e-12, "{wanted} {facet:?}");
                 }
-                sums.iter_mut().zip(&drawn).for_each(|(sum, (.., draw))| *sum += draw.looks);
+                assert!(wanted < 11 || weights.iter().all(|weight| *weight == 1.0));
+                sums.iter_mut().zip(&weights).for_each(|(sum, weight)| *sum += weight);
             }
             for (i, sum) in sums.iter().enumerate() {
                 // A weight of at most 8 with the chance of one over it scatters by no more than √7.
-                let (mean, error) = (sum / choices as f64, (7.0 / choices as f64).sqrt());
-                assert!((mean - 1.0).abs() < 4.5 * error, "{looks} {i}: {mean}");
+                let (mean, error) = (sum / f64::from(choices as u32), (7.0 / f64::from(choices as u32)).sqrt());
+                assert!((mean - 1.0).abs() < 4.5 * error, "{wanted} {i}: {mean}");
             }
         }
     }
