@@ -309,6 +309,11 @@ fn worthwhile(spread: DVec2, least: f64) -> f64 {
     if gain(1.0) <= least {
         return 1.0;
     }
+    match (within > 0.0, between > 0.0) {
+        (true, false) => return (within / least).sqrt(),
+        (false, true) => return (1.5 * between / least).powf(0.4),
+        _ => {}
+    }
     // Between what either alone is worth and both together.
     halved((1.0, ((within + 1.5 * between) / least).sqrt()), 30, |n| gain(n) > least).1
 }
