@@ -8,7 +8,7 @@ use sunglint_tracer::{RayCounts, TileResult};
 
 use crate::products::write_whole;
 
-const MAGIC: &[u8; 8] = b"SGTILE02";
+const MAGIC: &[u8; 8] = b"SGTILE03";
 
 /// The finished tiles of one run, in a folder named by the run's key.
 pub struct TileStore {
@@ -61,7 +61,7 @@ impl TileStore {
     }
 }
 
-fn rays(counts: &RayCounts) -> [u64; 9] {
+fn rays(counts: &RayCounts) -> [u64; 10] {
     [
         counts.camera,
         counts.hemisphere,
@@ -72,6 +72,7 @@ fn rays(counts: &RayCounts) -> [u64; 9] {
         counts.sun_proved_clear,
         counts.hemisphere_open,
         counts.camera_proved,
+        counts.sun_proved_shaded,
     ]
 }
 
@@ -106,12 +107,22 @@ fn decode(bytes: &[u8]) -> Option<TileResult> {
         rest = later;
         images.push(image.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect::<Vec<f32>>());
     }
-    let mut counts = [0; 9];
+    let mut counts = [0; 10];
     for count in &mut counts {
         *count = number(&mut rest)?;
     }
-    let [camera, hemisphere, mirror, sun, caustic, sun_turned_away, sun_proved_clear, hemisphere_open, camera_proved] =
-        counts;
+    let [
+        camera,
+        hemisphere,
+        mirror,
+        sun,
+        caustic,
+        sun_turned_away,
+        sun_proved_clear,
+        hemisphere_open,
+        camera_proved,
+        sun_proved_shaded,
+    ] = counts;
     let mut images = images.into_iter();
     let mut next = || images.next().unwrap_or_default();
     Some(TileResult {
@@ -130,6 +141,7 @@ fn decode(bytes: &[u8]) -> Option<TileResult> {
             caustic,
             sun_turned_away,
             sun_proved_clear,
+            sun_proved_shaded,
             hemisphere_open,
         },
     })

@@ -87,7 +87,7 @@ impl Run {
             trace_cpu_s: spent.shared * scale * parts,
             sun_per_time: of_times(rays.sun),
             caustic_per_time: of_times(rays.caustic),
-            sun_skipped_per_time: of_times(rays.sun_turned_away + rays.sun_proved_clear),
+            sun_skipped_per_time: of_times(rays.sun_turned_away + rays.sun_proved_clear + rays.sun_proved_shaded),
             light_cpu_s_per_time: spent.light.iter().sum::<f64>() * scale / n_times.max(1) as f64,
         }
     }

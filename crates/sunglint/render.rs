@@ -749,6 +749,7 @@ pub fn rays_json(rays: &RayCounts) -> Value {
         "sun": rays.sun,
         "sun_skipped_turned_away": rays.sun_turned_away,
         "sun_skipped_proved_clear": rays.sun_proved_clear,
+        "sun_skipped_proved_shaded": rays.sun_proved_shaded,
         "caustic": rays.caustic,
         "hemisphere_skipped_open": rays.hemisphere_open,
     })

@@ -12,6 +12,7 @@ mod obj;
 mod raster;
 mod ray;
 mod scatter;
+mod shadow;
 mod shapes;
 mod sole;
 mod solids;

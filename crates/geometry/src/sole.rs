@@ -89,7 +89,7 @@ impl SoleFacet {
 }
 
 /// Inward unit normals of the edges of a convex polygon in its plane, with the least along each; `None` where it is not convex.
-fn edges(corners: &[DVec3], normal: DVec3) -> Option<Vec<(DVec3, f64)>> {
+pub(crate) fn edges(corners: &[DVec3], normal: DVec3) -> Option<Vec<(DVec3, f64)>> {
     let n = corners.len();
     let turned = |i: usize| normal.cross(corners[(i + 1) % n] - corners[i]).try_normalize();
     let axes: Vec<DVec3> = (0..n).map(turned).collect::<Option<_>>()?;

@@ -289,6 +289,21 @@ impl World {
         met
     }
 
+    /// Corners of the facet that something that stopped a ray belongs to.
+    pub(crate) fn occluding_facet(&self, occluder: &Occluder) -> Option<Vec<DVec3>> {
+        let (index, triangle) = occluder.0?;
+        let placed = self.placed.get(index as usize)?;
+        let mesh = self.mesh_of(placed);
+        if triangle as usize >= mesh.triangle_count() {
+            return None;
+        }
+        let mut corners = mesh.facet(mesh.facet_of(triangle) as usize).corners;
+        if !placed.in_place {
+            corners.iter_mut().for_each(|c| *c = placed.to_world.transform_point3(*c));
+        }
+        Some(corners)
+    }
+
     /// Whether a triangle of what is placed stops a ray, by the numbers that decide for all triangles.
     fn stops(&self, ray: &Ray, index: u32, triangle: u32) -> bool {
         let Some((placed, tree)) =

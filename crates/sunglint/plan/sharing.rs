@@ -224,7 +224,8 @@ mod tests {
             ((rays.camera + rays.camera_proved) as f64, rays.hemisphere as f64)
         );
         assert_eq!(2.0 * forecast.sun_per_time, rays.sun as f64);
-        assert_eq!(2.0 * forecast.sun_skipped_per_time, (rays.sun_turned_away + rays.sun_proved_clear) as f64);
+        let skipped = rays.sun_turned_away + rays.sun_proved_clear + rays.sun_proved_shaded;
+        assert_eq!(2.0 * forecast.sun_skipped_per_time, skipped as f64);
         assert!(rays.sun > 0 && rays.sun_proved_clear > 0, "{rays:?}");
     }
 }

@@ -199,6 +199,7 @@ impl<'a> BlockLight<'a> {
         match self.sun.groups[run.group as usize] {
             Standing::Lit(cos) => return Alike { sun: Some(cos), open: Some(true) },
             Standing::Dark => return Alike { sun: Some(0.0), open: Some(true) },
+            Standing::Shaded => return Alike { sun: Some(0.0), open: Some(false) },
             Standing::Mixed => {}
         }
         let records = light.grouped[run.records.clone()].iter().map(|i| &self.block.paths.records[*i as usize]);

@@ -135,6 +135,8 @@ pub struct RayCounts {
     pub sun_turned_away: u64,
     /// To the sun, not cast: nothing stands between the block's points on the facet and the sun.
     pub sun_proved_clear: u64,
+    /// To the sun, not cast: one facet hides all of it from the block's or the pixel's points on the facet.
+    pub sun_proved_shaded: u64,
     /// Over a hemisphere, not cast: nothing rises above the facet's plane.
     pub hemisphere_open: u64,
 }
@@ -156,6 +158,7 @@ impl std::ops::AddAssign for RayCounts {
         self.caustic += other.caustic;
         self.sun_turned_away += other.sun_turned_away;
         self.sun_proved_clear += other.sun_proved_clear;
+        self.sun_proved_shaded += other.sun_proved_shaded;
         self.hemisphere_open += other.hemisphere_open;
     }
 }

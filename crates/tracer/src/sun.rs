@@ -26,8 +26,10 @@ pub(crate) fn combined(own: f64, other: f64) -> f64 {
 pub(crate) enum Standing {
     /// All are lit, at this cos θ_s.
     Lit(f64),
-    /// None is.
+    /// None is: the facet is turned away, or the sun is down.
     Dark,
+    /// None is: something hides all of the sun from each.
+    Shaded,
     /// Each for itself.
     Mixed,
 }
@@ -71,10 +73,21 @@ impl Sun {
         self.frame.to_world(LocalDir::from_unit(DVec3::new(x, y, (1.0 - x * x - y * y).max(0.0).sqrt())))
     }
 
+    /// Whether all of the disk stands before a facet and above the horizon.
+    fn is_before(&self, group: &FacetGroup) -> bool {
+        group.normal.dot(self.middle.vec()) > self.radius && self.middle.cos_zenith() > self.radius
+    }
+
+    /// Whether it is proved that something hides the whole disk from all points of a group in a box.
+    fn is_hidden(&self, world: &World, group: &FacetGroup, (lo, hi): (DVec3, DVec3), by: &Occluder) -> bool {
+        // Points stand off their facet, and rays off the points, by the rounding of their place.
+        let error = DVec3::splat(1e-12 * (1.0 + lo.abs().max(hi.abs()).max_element()));
+        self.is_before(group) && world.is_hidden_by(by, (lo - error, hi + error), self.middle, self.radius.asin())
+    }
+
     /// Whether it is proved that the whole disk shines on all points of a group in a box.
     pub fn is_whole(&self, world: &World, group: &FacetGroup, lo: DVec3, hi: DVec3) -> bool {
-        group.normal.dot(self.middle.vec()) > self.radius
-            && self.middle.cos_zenith() > self.radius
+        self.is_before(group)
             && world.shaft_is_clear(lo, hi, group.anchor, group.normal, self.middle, self.radius.asin())
     }
 }
@@ -123,22 +136,36 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
     for run in groups.chunk_by(is_alike) {
         let (lo, hi) = run.iter().fold((run[0].lo, run[0].hi), |(lo, hi), own| (lo.min(own.lo), hi.max(own.hi)));
         let all = run.len() > 1 && disk.is_whole(&scenery.world, &run[0], lo, hi);
+        let mut occluder = Occluder::default();
         for (group, standing) in run.iter().zip(&mut standings) {
             let through = block.passes(group);
             let mu = group.normal.dot(sun.vec());
+            let bounds = (group.lo, group.hi);
             if mu <= -disk.radius && !through {
                 rays.sun_turned_away += u64::from(group.count);
                 *standing = Standing::Dark;
-            } else if group.count > 2 && (all || disk.is_whole(&scenery.world, group, group.lo, group.hi)) {
-                // The whole disk shines on the facet: its irradiance is E_n cos θ_s.
-                rays.sun_proved_clear += u64::from(group.count);
-                *standing = Standing::Lit(mu);
+            } else if group.count > 2 {
+                let mut is_shaded = !all && disk.is_hidden(&scenery.world, group, bounds, &occluder);
+                if !is_shaded && (all || disk.is_whole(&scenery.world, group, group.lo, group.hi)) {
+                    // The whole disk shines on the facet: its irradiance is E_n cos θ_s.
+                    rays.sun_proved_clear += u64::from(group.count);
+                    *standing = Standing::Lit(mu);
+                    continue;
+                }
+                if !is_shaded && disk.is_before(group) {
+                    rays.sun += 1;
+                    is_shaded = scenery.world.occluded_by(&hit(group).leave(sun), &mut occluder)
+                        && disk.is_hidden(&scenery.world, group, bounds, &occluder);
+                }
+                if is_shaded {
+                    rays.sun_proved_shaded += u64::from(group.count);
+                    *standing = Standing::Shaded;
+                }
             }
         }
     }
-    // Groups of first surfaces that the pixel has met: where the first point of one is lit, a proof may serve the others, and tells
-    // their cos θ_s.
-    let mut runs: SmallVec<[(u32, Option<f64>); 8]> = SmallVec::new();
+    // Groups of first surfaces that the pixel has met: what its first point tells may be proved of the others.
+    let mut runs: SmallVec<[(u32, Standing); 8]> = SmallVec::new();
     // What stopped the last ray from a group: most of one facet's points in the shade lie in one shade.
     let mut occluders = vec![Occluder::default(); groups.len()];
     let mut pixel = 0;
@@ -149,6 +176,10 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
                 (light.visible[i], light.cos[i]) = (1.0, mu);
                 continue;
             }
+            Standing::Shaded => {
+                light.shaded[i] = true;
+                continue;
+            }
             Standing::Mixed if block.proofs == Proofs::Alone => continue,
             Standing::Mixed => {}
         }
@@ -157,10 +188,18 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
             runs.clear();
         }
         let run = runs.iter().find(|(of, _)| of == group);
-        if let Some((_, Some(mu))) = run {
-            (light.visible[i], light.cos[i], light.whole[i]) = (1.0, *mu, true);
-            rays.sun_proved_clear += 1;
-            continue;
+        match run {
+            Some((_, Standing::Lit(mu))) => {
+                (light.visible[i], light.cos[i], light.whole[i]) = (1.0, *mu, true);
+                rays.sun_proved_clear += 1;
+                continue;
+            }
+            Some((_, Standing::Shaded)) => {
+                light.shaded[i] = true;
+                rays.sun_proved_shaded += 1;
+                continue;
+            }
+            _ => {}
         }
         let direction = disk.of(block, i);
         let mu = vertex.hit.normal.dot(direction.vec());
@@ -177,15 +216,19 @@ fn sun_light(block: &Block<'_>, disk: Option<&Sun>) -> (SunLight, RayCounts) {
             let is_own = |j: &usize| block.of_vertices[*j] == *group;
             let points = (i..block.pixels[pixel].end).filter(is_own).map(|j| paths.vertices[j].hit.point);
             let group_of = &groups[*group as usize];
-            let whole = (!light.shaded[i]).then(|| {
-                let (lo, hi) = points.fold((vertex.hit.point, vertex.hit.point), |(lo, hi), p| (lo.min(p), hi.max(p)));
-                disk.is_whole(&scenery.world, group_of, lo, hi).then(|| group_of.normal.dot(sun.vec()))
-            });
-            let whole = whole.flatten();
-            if let Some(mu) = whole {
-                (light.cos[i], light.whole[i]) = (mu, true);
-            }
-            runs.push((*group, whole));
+            let (lo, hi) = points.fold((vertex.hit.point, vertex.hit.point), |(lo, hi), p| (lo.min(p), hi.max(p)));
+            let standing = match light.shaded[i] {
+                true if disk.is_hidden(&scenery.world, group_of, (lo, hi), &occluders[*group as usize]) => {
+                    Standing::Shaded
+                }
+                false if disk.is_whole(&scenery.world, group_of, lo, hi) => {
+                    let mu = group_of.normal.dot(sun.vec());
+                    (light.cos[i], light.whole[i]) = (mu, true);
+                    Standing::Lit(mu)
+                }
+                _ => Standing::Mixed,
+            };
+            runs.push((*group, standing));
         }
     }
     (light, rays)
