@@ -21,7 +21,9 @@ use sunglint_plugin::{BindError, SpectralValue, Value};
 use sunglint_radiometry::{Channels, SpectralGrid};
 use sunglint_reflectance::Bsdf;
 use sunglint_sensor::{Band, Camera, Ccd};
-use sunglint_tracer::{Algorithm, BandMeans, Illumination, Lighting, Nodes, Scenery, Surface, Tile, spectra_of};
+use sunglint_tracer::{
+    Algorithm, BandMeans, Illumination, Lighting, Nodes, Scenery, Surface, Tile, spectra_of, tile_side,
+};
 
 use crate::air::Air;
 use crate::lit::{Light, Lit};
@@ -47,7 +49,6 @@ pub(crate) const LEAST_SAMPLES: u32 = 16;
 const LIGHT_AT_ONCE: usize = 1 << 30;
 /// Tiles that threads have in work at a time, near enough, and the pixels of one.
 const TILES_AT_ONCE: usize = 8;
-const TILE_PIXELS: usize = 32 * 32;
 
 /// What a user may change without touching the scene.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -226,7 +227,7 @@ impl Run {
         const SPECTRA: usize = 8;
         const AMOUNTS: usize = 4096;
         size_of::<f64>() * self.traced.len() * (SPECTRA * self.grid.len() + AMOUNTS)
-            + TILES_AT_ONCE * TILE_PIXELS * self.tile_bytes()
+            + TILES_AT_ONCE * (tile_side(self.camera.pixels()) as usize).pow(2) * self.tile_bytes()
     }
 }
 

@@ -33,6 +33,11 @@ pub(crate) struct Merged {
 const MANY_REPLICATES: usize = 5;
 
 impl Merged {
+    fn key(&self) -> Key {
+        let (tag, numbers) = self.kind.key();
+        (self.cluster, self.term, tag, numbers)
+    }
+
     fn add(&mut self, replicate: u8, weight: f64, spectrum: &[f64]) {
         let n = spectrum.len();
         // Samples come replicate by replicate.
@@ -45,6 +50,10 @@ impl Merged {
 
     fn place_of(&mut self, replicate: u8, n: usize) -> usize {
         self.replicates.iter().position(|known| *known == replicate).unwrap_or_else(|| {
+            if self.replicates.len() == 1 {
+                // Most that have more than one have them all.
+                self.sums.reserve_exact((REPLICATES - 1) * n);
+            }
             self.replicates.push(replicate);
             self.sums.resize(self.sums.len() + n, 0.0);
             self.replicates.len() - 1
@@ -176,6 +185,7 @@ struct Gathering<'a> {
     paths: &'a Paths,
     parts: Parts,
     merged: Vec<Merged>,
+    /// Where each is, once there are more than a [few](FEW_KEYS).
     found: FxHashMap<Key, usize>,
     /// The last of each tag: most records follow one of their own kind.
     last: [usize; 6],
@@ -192,15 +202,24 @@ impl<'a> Gathering<'a> {
         let spectrum = self.paths.spectrum(record.spectrum);
         let (cluster, term) = (sample.cluster, self.parts.of(record));
         let (tag, numbers) = kind.key();
+        let key = (cluster, term, tag, numbers);
         let last = &mut self.last[usize::from(tag)];
-        let is_alike =
-            |merged: &&mut Merged| merged.cluster == cluster && merged.term == term && merged.kind.key().1 == numbers;
-        if let Some(merged) = self.merged.get_mut(*last).filter(is_alike) {
+        if let Some(merged) = self.merged.get_mut(*last).filter(|merged| merged.key() == key) {
             return merged.add(sample.replicate, record.weight * share, spectrum);
         }
         let merged = &mut self.merged;
-        *last = *self.found.entry((cluster, term, tag, numbers)).or_insert_with(|| {
-            let sums = Vec::with_capacity(REPLICATES * spectrum.len());
+        if merged.len() == FEW_KEYS && self.found.is_empty() {
+            self.found.extend(merged.iter().map(Merged::key).zip(0..));
+        }
+        let known = match merged.len() < FEW_KEYS {
+            true => merged.iter().position(|merged| merged.key() == key),
+            false => self.found.get(&key).copied(),
+        };
+        *last = known.unwrap_or_else(|| {
+            if merged.len() >= FEW_KEYS {
+                self.found.insert(key, merged.len());
+            }
+            let sums = Vec::with_capacity(spectrum.len());
             merged.push(Merged { cluster, term, kind, replicates: SmallVec::new(), sums, by_node: Vec::new() });
             merged.len() - 1
         });
@@ -302,6 +321,9 @@ const FEW_KEYS: usize = 16;
 
 /// Sorts by a key and keeps the order of what has the same: in two passes where keys are few, as those of a pixel's facets are.
 fn sort_by_few(values: &mut Vec<u32>, key: impl Fn(&u32) -> u32) {
+    if values.windows(2).all(|own| key(&own[0]) == key(&own[1])) {
+        return;
+    }
     let mut keys: SmallVec<[(u32, usize); FEW_KEYS]> = SmallVec::new();
     let mut of_values = Vec::with_capacity(values.len());
     let mut last = 0;

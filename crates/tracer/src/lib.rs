@@ -44,7 +44,7 @@ pub use pixel::Term;
 pub use published::{Approximations, IDEAL, SPLIT};
 pub use render::{
     Accuracy, PixelTerms, Spent, Tile, TileResult, View, render_pixel_terms, render_tile, render_tile_timed,
-    render_tile_together, tiles,
+    render_tile_together, tile_side, tiles,
 };
 pub use sampler::Stream;
 pub use scenery::{Scenery, Surface, spectra_of, split_at};

@@ -20,8 +20,10 @@ use crate::sun::LastSun;
 use crate::unseen::half_of;
 use crate::{Algorithm, Draw, Lights, Nodes, Scenery, Stream};
 
-/// Pixels along a side of a tile: the unit of resuming and of sharing work.
-const TILE: u32 = 32;
+/// Pixels along a side of a tile, the unit of resuming and of sharing work: where that leaves enough of them for many threads the
+/// larger, whose pixels share more.
+const TILES: [u32; 2] = [64, 32];
+const ENOUGH_TILES: u32 = 64;
 /// Pixels along a side of a block: the unit in which paths are kept and sun rays proved unnecessary.
 pub(crate) const BLOCK: u32 = 8;
 /// Rays along a side of a block that tell what it sees.
@@ -149,16 +151,23 @@ pub struct Tile {
     pub height: u32,
 }
 
+/// Pixels along a side of a tile of an image of `pixels`.
+pub fn tile_side((width, height): (u32, u32)) -> u32 {
+    let enough = |side: &&u32| u64::from(width) * u64::from(height) >= u64::from(ENOUGH_TILES * **side * **side);
+    *TILES.iter().find(enough).unwrap_or(&TILES[1])
+}
+
 /// The tiles of an image of `pixels` that cover a window of it, row by row: those of the whole image, cut down to whole
 /// blocks, so that every pixel is what it is in the whole image.
 pub fn tiles(pixels: (u32, u32), window: Tile) -> Vec<Tile> {
+    let side = tile_side(pixels);
     // Cuts of one axis: from the block that holds the first pixel to the end of the one that holds the last.
     let cuts = |first: u32, count: u32, n: u32| -> Vec<(u32, u32)> {
         let end = (first + count).next_multiple_of(BLOCK).min(n);
         let mut cuts = Vec::new();
         let mut start = first - first % BLOCK;
         while start < end {
-            let stop = (start - start % TILE + TILE).min(end);
+            let stop = (start - start % side + side).min(end);
             cuts.push((start, stop - start));
             start = stop;
         }

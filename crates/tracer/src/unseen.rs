@@ -10,6 +10,7 @@
 
 use std::f64::consts::PI;
 
+use smallvec::SmallVec;
 use sunglint_radiometry::REPLICATES;
 
 use crate::gathered::PixelLight;
@@ -20,7 +21,7 @@ use crate::sun::{Standing, SunLight};
 
 /// By half of the replicates and channel the sum of a², a what one sample would change if its ray were stopped, over the facets
 /// where a ray to the sun might be and none of that half was; and the same of rays that looked at the sky.
-pub(crate) type Unseen = [Vec<[f64; 2]>; 2];
+pub(crate) type Unseen = [SmallVec<[[f64; 2]; 4]>; 2];
 
 /// Variance of a mean of n samples for what they may all have missed, from the sum of a².
 pub(crate) fn missed(unseen: f64, n: f64) -> f64 {
@@ -68,7 +69,7 @@ pub(crate) fn unseen<'l>(
     mean_sky: &[f64],
 ) -> Unseen {
     let paths = block.paths;
-    let mut out = [(); 2].map(|()| vec![[0.0; 2]; block.channels.len()]);
+    let mut out: Unseen = [(); 2].map(|()| SmallVec::from_elem([0.0; 2], block.channels.len()));
     let sample = |record: &Record| &paths.samples[record.sample as usize];
     let mut add = |(half, of): (usize, usize), record: &Record, weights: &[f64], scale: f64| {
         let products = block.nodes.products(paths.spectrum(record.spectrum), weights);
