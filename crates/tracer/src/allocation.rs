@@ -196,6 +196,9 @@ impl Spread {
     /// Samples tell how much of the pixel each facet fills, those that are traced how the sun lights it and those that look what
     /// is around: each as many as that alone is worth, or, where that were more than of those before, as both together.
     fn worthwhile(&self, least: f64) -> Draws {
+        if self.of == DVec4::ZERO {
+            return Draws::all(1);
+        }
         let [between, suns, within, looked] = self.of.to_array();
         let levels = [DVec2::new(0.0, between), DVec2::new((within - looked).max(0.0), suns), DVec2::new(looked, 0.0)];
         // Some of the samples do not stand as evenly along the edge of a shadow as all.

@@ -20,7 +20,7 @@ pub(crate) struct Corners {
 
 impl Corners {
     /// Casts them, for the pixels of a block of a tile.
-    pub fn of_block(view: &View<'_>, (tile, block): (Tile, &[(u32, u32)]), paths: &mut Paths) -> Self {
+    pub fn of_block(view: &View<'_>, (tile, block): (Tile, &[(u32, u32)]), paths: &Paths) -> Self {
         let (x, y) = block.iter().fold((u32::MAX, u32::MAX), |(x, y), (i, j)| (x.min(*i), y.min(*j)));
         let (right, below) = block.iter().fold((x, y), |(x, y), (i, j)| (x.max(*i), y.max(*j)));
         let across = right.wrapping_sub(x) as usize + 2;
@@ -28,7 +28,10 @@ impl Corners {
             .flat_map(|j| (x..=right + 1).map(move |i| (f64::from(tile.x + i), f64::from(tile.y + j))))
             .map(|(x, y)| (view.sight)(x, y))
             .collect();
-        let hits = rays.iter().map(|ray| paths.seen(&view.scenery.world, ray)).collect();
+        // As those that tell what a block sees, they are no samples and are not counted.
+        let world = &view.scenery.world;
+        let seen = |ray: &Ray| paths.sole.as_ref().and_then(|sole| sole.meet(ray)).or_else(|| world.closest(ray));
+        let hits = rays.iter().map(seen).collect();
         Self { rays, hits, across, first: (x, y) }
     }
 

@@ -107,7 +107,7 @@ impl Even {
 /// The facet that a pixel is proved to see alone, and what the lines of sight through its corners meet.
 type Proved = Option<(Rc<SoleFacet>, [Hit; 4])>;
 
-fn prove(view: &View<'_>, (tile, block): (Tile, &[(u32, u32)]), paths: &mut Paths) -> Vec<Proved> {
+fn prove(view: &View<'_>, (tile, block): (Tile, &[(u32, u32)]), paths: &Paths) -> Vec<Proved> {
     let corners = Corners::of_block(view, (tile, block), paths);
     let world = &view.scenery.world;
     let proved = |pixel: &(u32, u32)| {
