@@ -1142,6 +1142,62 @@ fn an_error_over_the_image_is_kept_with_fewer_samples() {
     assert!(mean(&each) > 2.0 * mean(&over));
 }
 
+/// Samples that only tell what they see, beside others that are traced for them: bright slats high above dark soil, in every pixel an
+/// edge and two lengths of air. Radiance, that of the surface, the sun-lit fraction and F keep the means of counted samples, all traced.
+#[test]
+fn samples_that_tell_a_facet_alone_keep_every_mean() {
+    let slats = |i: i32| {
+        let x = 80 * i + 7;
+        format!("facet white ({x} -400 1500) ({} -400 1500) ({} 400 1500) ({x} 400 1500) m\n", x + 40, x + 40)
+    };
+    let slats: String = (-5..5).map(slats).collect();
+    let plan = text(&format!(
+        "site {{ latitude 43 deg, longitude -77 deg }}
+        collect {{ at [1992-06-18 13:00 -04:00] }}
+        weather {{ visibility 5 km }}
+        atmosphere spectrl2
+        material soil {{ ideal {{ diffuse 0.1 }} }}
+        material white {{ ideal {{ diffuse 0.7 }} }}
+        ground soil
+        {slats}{}
+        experiment counted {{
+          algorithm full {{ depth 1 }}, samples 8192, seed 5, products [radiance, surface_radiance, truth]
+        }}
+        experiment asked like counted {{ error 0.15 % over image, seed 6 }}
+        experiment cached like asked {{ algorithm full {{ depth 2, indirect cached }} }}
+        experiment counted_cached like cached {{ samples 4096, seed 7 }}",
+        map("above", [0.0, 0.0, 3000.0], 640.0, [16, 4]),
+    ));
+    for [by_all, by_some] in [["counted", "asked"], ["counted_cached", "cached"]] {
+        let [all, some] = [by_all, by_some].map(|name| run(&plan, name).render());
+        let n = all.samples.len() as f64;
+        let rays = some.rays;
+        let traced = rays.sun + rays.sun_turned_away + rays.sun_proved_clear + rays.sun_proved_shaded;
+        let seen = rays.camera + rays.camera_proved;
+        assert!(by_some == "cached" || traced * 10 < seen * 7, "{rays:?}");
+        let mean = |image: &[f32]| image.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
+        let error =
+            |frames: &Frames| frames.frames[0].error[0].iter().map(|s| f64::from(*s).powi(2)).sum::<f64>().sqrt() / n;
+        let of = |frames: &Frames| {
+            let frame = &frames.frames[0];
+            [&frame.radiance[0], &frame.surface[0], &frame.lit, &frames.truth[8]].map(|image| mean(image))
+        };
+        let relative = error(&all).hypot(error(&some)) / of(&all)[0];
+        println!(
+            "{by_some}: {:.4?} by all, {:.4?} by {:.2} of them, {relative:.1e}",
+            of(&all),
+            of(&some),
+            traced as f64 / seen as f64
+        );
+        assert!(relative < 1e-3 && of(&all)[0] - of(&all)[1] != 0.0);
+        // Edges are the noise of all but F, of which each of 64 pixels asks 48 rays at least, √(0.98 · 0.02) = 0.14 apart.
+        let bounds = [6.0 * relative; 3].into_iter().chain([4.0 * 0.14 / (64.0 * 48.0_f64).sqrt()]);
+        for ((all, some), bound) in of(&all).into_iter().zip(of(&some)).zip(bounds) {
+            assert!((some / all - 1.0).abs() < bound, "{by_some}: {some} {all}, {bound:.1e}");
+        }
+    }
+}
+
 /// A scene with shadows, corners, lobes and mirrors at three times yields the same bits on 1, 2 and 5 threads, and
 /// every tile is what it is in whichever order tiles are rendered, under a fixed count of samples and under an asked
 /// error.

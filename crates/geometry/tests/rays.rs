@@ -574,6 +574,42 @@ fn no_ray_of_a_clear_shaft_is_blocked() {
     assert!(tried > 8_000 && 10 * proven > 8 * free, "{proven} proven of {free} free of {tried}");
 }
 
+/// What is proven to be hidden by the facet that stopped one ray is reached by none; and much of what is hidden so is proven.
+#[test]
+fn no_ray_reaches_what_a_facet_is_proven_to_hide() {
+    let (mut proven, mut hidden, mut tried) = (0, 0, 0);
+    for (seed, offset) in (0..12).zip(OFFSETS.into_iter().cycle()) {
+        let world = crowd(seed, offset, seed % 2 == 0);
+        let mut random = Random(seed + 300);
+        for i in 0..1_500 {
+            let size = [1e-3, 0.05, 0.3][i % 3];
+            let spread = [0.0, 0.004_65, 0.05][i / 3 % 3];
+            let middle = offset + random.point(15.0);
+            let direction = random.direction();
+            let half = DVec3::new(random.within(0.0, size), random.within(0.0, size), random.within(0.0, size));
+            let mut occluder = Occluder::default();
+            if !world.occluded_by(&Ray::new(middle, direction), &mut occluder) {
+                continue;
+            }
+            let claimed = world.is_hidden_by(&occluder, (middle - half, middle + half), direction, spread);
+            let axis = direction.vec();
+            let (u, v) = axis.any_orthonormal_pair();
+            let mut stopped = true;
+            for _ in 0..60 {
+                let point = middle
+                    + half * DVec3::new(random.within(-1.0, 1.0), random.within(-1.0, 1.0), random.within(-1.0, 1.0));
+                let (r, turn) = (random.within(0.0, 1.0).sqrt() * spread.tan(), random.within(0.0, TAU));
+                let ray = Ray::new(point, WorldDir::new(axis + r * (turn.cos() * u + turn.sin() * v)));
+                stopped &= world.occluded(&ray);
+            }
+            assert!(stopped || !claimed, "seed {seed}, case {i}");
+            (proven, hidden, tried) = (proven + usize::from(claimed), hidden + usize::from(stopped), tried + 1);
+        }
+        assert!(!world.is_hidden_by(&Occluder::default(), (offset, offset), WorldDir::UP, 0.0));
+    }
+    assert!(tried > 3_000 && 5 * proven > 2 * hidden, "{proven} proven of {hidden} hidden of {tried}");
+}
+
 /// A flat roof of many coplanar facets under a low sun, far from the origin: none of its parts shades another.
 #[test]
 fn coplanar_facets_do_not_block_a_shaft() {

@@ -22,8 +22,8 @@ pub(crate) struct First {
     pub times: Vec<Vec<PixelRadiance>>,
     /// F of each pixel.
     pub sky_views: Vec<SkyView>,
-    /// Material that each pixel's first sample met, and the facet that each replicate's did.
-    materials: Vec<Option<MaterialId>>,
+    /// Material and facet that each replicate of each pixel met.
+    materials: Vec<[Option<MaterialId>; REPLICATES]>,
     facets: Vec<[Option<FacetId>; REPLICATES]>,
     /// Places of the pixels within the tile, and whether each is proved to see one facet alone.
     block: Vec<((u32, u32), bool)>,
@@ -44,12 +44,10 @@ impl First {
             trace_pixel(view, (pixel, sole.as_ref()), i, ([Draws::all(1); 2], 0), &mut *paths)
         };
         let traced: Vec<PixelPaths> = block.iter().enumerate().map(trace).collect();
-        let material = |pixel: &PixelPaths| {
-            let vertex = paths.samples[pixel.samples.start].vertex?;
-            Some(paths.vertices[vertex as usize].hit.material)
-        };
-        let materials = traced.iter().map(material).collect();
-        let facet = |sample: usize| Some(paths.vertices[paths.samples[sample].vertex? as usize].hit.facet);
+        let hit = |sample: usize| Some(&paths.vertices[paths.samples[sample].vertex? as usize].hit);
+        let material = |sample: usize| Some(hit(sample)?.material);
+        let facet = |sample: usize| Some(hit(sample)?.facet);
+        let materials = traced.iter().map(|pixel| std::array::from_fn(|r| material(pixel.samples.start + r))).collect();
         let facets = traced.iter().map(|pixel| std::array::from_fn(|r| facet(pixel.samples.start + r))).collect();
         let sky_views = traced.iter().map(|pixel| SkyView::of(paths, pixel)).collect();
         let mut rays = RayCounts::default();
@@ -86,7 +84,7 @@ impl First {
         for t in 0..self.times.len() {
             for c in 0..view.channels.len() {
                 for (half, by) in [(0, 1), (1, 0)] {
-                    let seen = self.heard(&self.seen(t, c, by));
+                    let seen = self.heard(&self.seen(t, c, by), by);
                     let mean = seen.iter().map(|seen| seen.mean).sum::<f64>() / seen.len() as f64;
                     for (own, draws) in seen.iter().zip(&mut draws) {
                         let needed = match view.worth {
@@ -134,26 +132,27 @@ impl First {
 
     /// The same, with no less variance than the pixels around tell: between facets relative to what each is, since what lies in the
     /// dark beside a bright edge is seldom part of it, and none where one facet alone is seen.
-    fn heard(&self, seen: &[Seen]) -> Vec<Seen> {
+    fn heard(&self, seen: &[Seen], half: usize) -> Vec<Seen> {
         let heard = |(i, own): (usize, &Seen)| {
             let of = |j: usize| {
                 let Seen { mean, spread, .. } = seen[j];
                 let darker = if mean > own.mean { (own.mean / mean).powi(2) } else { 1.0 };
                 spread.of * DVec4::new(if self.block[i].1 { 0.0 } else { darker }, 1.0, 1.0, 1.0)
             };
-            let spread = Spread { of: own.spread.of.max(self.around(i, of)), ..own.spread };
+            let spread = Spread { of: own.spread.of.max(self.around(i, half, of)), ..own.spread };
             Seen { spread, ..*own }
         };
         seen.iter().enumerate().map(heard).collect()
     }
 
-    /// Mean over the pixels around one that see the same material, itself among them: eight samples know their own variance
-    /// badly, and may miss an edge that neighbours see.
-    fn around(&self, i: usize, value: impl Fn(usize) -> DVec4) -> DVec4 {
+    /// Mean over the pixels around one of which that half met a material that it met there too, itself among them: eight samples
+    /// know their own variance badly, and may miss an edge that neighbours see.
+    fn around(&self, i: usize, half: usize, value: impl Fn(usize) -> DVec4) -> DVec4 {
         let ((x, y), _) = self.block[i];
+        let met = |j: usize| &self.materials[j][half * REPLICATES / 2..(half + 1) * REPLICATES / 2];
         let near = |j: &usize| {
             let ((u, v), _) = self.block[*j];
-            x.abs_diff(u) <= 1 && y.abs_diff(v) <= 1 && self.materials[*j] == self.materials[i]
+            x.abs_diff(u) <= 1 && y.abs_diff(v) <= 1 && met(*j).iter().any(|material| met(i).contains(material))
         };
         let (sum, n) =
             (0..self.block.len()).filter(near).fold((DVec4::ZERO, 0.0), |(sum, n), j| (sum + value(j), n + 1.0));
@@ -393,7 +392,7 @@ impl Worth {
                 let place = |pixel: &Rest| (pixel.place.1 * tile.width + pixel.place.0) as usize;
                 for (at, of_block) in of_block.iter_mut().enumerate() {
                     let half = |half| first.seen(at / n_channels, at % n_channels, half);
-                    for (pixel, own) in even.rest.iter().zip(first.heard(&half(0)).into_iter().zip(half(1))) {
+                    for (pixel, own) in even.rest.iter().zip(first.heard(&half(0), 0).into_iter().zip(half(1))) {
                         of_block[place(pixel)].get_or_insert(own);
                     }
                 }
