@@ -571,7 +571,7 @@ pub(crate) fn trace_pixel(
             }
         }
     };
-    let of_block = sole.map(|own| std::mem::replace(&mut paths.sole, Some(own.clone())));
+    let of_block = sole.map(|own| paths.sole.replace(own.clone()));
     let (traced, ()) = PixelPaths::traced(paths, index, counts, &middle, trace);
     if let Some(of_block) = of_block {
         paths.sole = of_block;
