@@ -27,8 +27,8 @@ pub struct Draw {
     pub replicate: u8,
     /// What its line of sight meets.
     pub hit: Option<Hit>,
-    /// Weight of what rays over first surfaces find of sky and background: 1 where each sample looks, 0 where others of the pixel
-    /// look for it, and so much more for those. An algorithm may look whatever it says, with a weight of 1.
+    /// Weight of what rays over first surfaces find of sky and background: 1 where each traced sample looks, 0 where others of the
+    /// pixel look for it, and so much more for those. An algorithm may look whatever it says, with a weight of 1.
     pub looks: f64,
 }
 

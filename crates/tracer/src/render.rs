@@ -535,10 +535,10 @@ pub(crate) fn trace_pixel(
                 let [u, v] = stream.next2();
                 let sight = Sight::new(view.sight, [f64::from(pixel.0) + u, f64::from(pixel.1) + v]);
                 let hit = paths.seen(&view.scenery.world, &sight.ray);
-                Seen { sight, stream, hit }
+                Sighting { sight, stream, hit }
             };
-            let trace = |own: Seen<'_>, [weight, looks]: [f64; 2], paths: &mut Paths| {
-                let Seen { sight, mut stream, hit } = own;
+            let trace = |own: Sighting<'_>, [weight, looks]: [f64; 2], paths: &mut Paths| {
+                let Sighting { sight, mut stream, hit } = own;
                 let id = paths.samples.len();
                 paths.weight = weight;
                 view.algorithm.trace(view.scenery, &sight, &Draw { replicate, hit, looks }, &mut stream, paths);
@@ -555,7 +555,7 @@ pub(crate) fn trace_pixel(
                 let later: Vec<_> = (begin..half.samples).map(|i| seen(i, paths)).collect();
                 // Numbers of its own.
                 let mut stream = view.numbers(pixel, REPLICATES as u32 + u32::from(replicate));
-                let facets: Vec<Side> = later.iter().map(Seen::facet).collect();
+                let facets: Vec<Side> = later.iter().map(Sighting::facet).collect();
                 let traced = weights(&facets, half.traced.saturating_sub(1), &mut stream);
                 let kept = |weight: &f64| *weight > 0.0;
                 let facets: Vec<Side> = facets
@@ -584,7 +584,7 @@ fn round_to_replicates(samples: u32) -> u32 {
 }
 
 /// What a line of sight meets, before the path is traced on.
-struct Seen<'a> {
+struct Sighting<'a> {
     sight: Sight<'a>,
     stream: Stream,
     hit: Option<Hit>,
@@ -593,7 +593,7 @@ struct Seen<'a> {
 /// A side of a facet, or the sky.
 type Side = Option<(FacetId, bool)>;
 
-impl Seen<'_> {
+impl Sighting<'_> {
     fn facet(&self) -> Side {
         self.hit.map(|hit| (hit.facet, hit.front))
     }
