@@ -61,18 +61,19 @@ impl TileStore {
     }
 }
 
-fn rays(counts: &RayCounts) -> [u64; 10] {
+/// All counts, in the order of the file.
+fn counts(rays: &mut RayCounts) -> [&mut u64; 10] {
     [
-        counts.camera,
-        counts.hemisphere,
-        counts.mirror,
-        counts.sun,
-        counts.caustic,
-        counts.sun_turned_away,
-        counts.sun_proved_clear,
-        counts.hemisphere_open,
-        counts.camera_proved,
-        counts.sun_proved_shaded,
+        &mut rays.camera,
+        &mut rays.hemisphere,
+        &mut rays.mirror,
+        &mut rays.sun,
+        &mut rays.caustic,
+        &mut rays.sun_turned_away,
+        &mut rays.sun_proved_clear,
+        &mut rays.hemisphere_open,
+        &mut rays.camera_proved,
+        &mut rays.sun_proved_shaded,
     ]
 }
 
@@ -83,7 +84,7 @@ fn encode(result: &TileResult) -> Vec<u8> {
         bytes.extend((image.len() as u64).to_le_bytes());
         image.iter().for_each(|value| bytes.extend(value.to_le_bytes()));
     }
-    rays(&result.rays).iter().for_each(|count| bytes.extend(count.to_le_bytes()));
+    counts(&mut result.rays.clone()).into_iter().for_each(|count| bytes.extend(count.to_le_bytes()));
     let hash = blake3::hash(&bytes);
     bytes.extend(hash.as_bytes());
     bytes
@@ -107,22 +108,10 @@ fn decode(bytes: &[u8]) -> Option<TileResult> {
         rest = later;
         images.push(image.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect::<Vec<f32>>());
     }
-    let mut counts = [0; 10];
-    for count in &mut counts {
+    let mut rays = RayCounts::default();
+    for count in counts(&mut rays) {
         *count = number(&mut rest)?;
     }
-    let [
-        camera,
-        hemisphere,
-        mirror,
-        sun,
-        caustic,
-        sun_turned_away,
-        sun_proved_clear,
-        hemisphere_open,
-        camera_proved,
-        sun_proved_shaded,
-    ] = counts;
     let mut images = images.into_iter();
     let mut next = || images.next().unwrap_or_default();
     Some(TileResult {
@@ -132,18 +121,7 @@ fn decode(bytes: &[u8]) -> Option<TileResult> {
         lit: next(),
         truth: next(),
         samples: next(),
-        rays: RayCounts {
-            camera,
-            camera_proved,
-            hemisphere,
-            mirror,
-            sun,
-            caustic,
-            sun_turned_away,
-            sun_proved_clear,
-            sun_proved_shaded,
-            hemisphere_open,
-        },
+        rays,
     })
 }
 

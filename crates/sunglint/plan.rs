@@ -47,7 +47,7 @@ const MOST_SAMPLES: u32 = 4096;
 pub(crate) const LEAST_SAMPLES: u32 = 16;
 /// Bytes of solved light, and of the tiles that it makes, that are kept at a time.
 const LIGHT_AT_ONCE: usize = 1 << 30;
-/// Tiles that threads have in work at a time, near enough, and the pixels of one.
+/// Tiles that threads have in work at a time, near enough.
 const TILES_AT_ONCE: usize = 8;
 
 /// What a user may change without touching the scene.

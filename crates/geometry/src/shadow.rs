@@ -3,6 +3,7 @@
 use glam::DVec3;
 use sunglint_radiometry::WorldDir;
 
+use crate::Facet;
 use crate::sole::edges;
 use crate::world::{Occluder, World};
 
@@ -22,15 +23,12 @@ impl World {
         direction: WorldDir,
         spread: f64,
     ) -> bool {
-        let Some(corners) = self.occluding_facet(occluder) else { return false };
+        let Some(Facet { corners, normal, .. }) = self.occluding_facet(occluder) else { return false };
         if spread.is_nan() || spread >= 1.0 {
             return false;
         }
         let size = [lo, hi].iter().chain(&corners).map(|p| p.abs().max_element()).fold(1.0, f64::max);
         let margin = NARROWER * size;
-        let area =
-            (1..corners.len() - 1).map(|i| (corners[i] - corners[0]).cross(corners[i + 1] - corners[0])).sum::<DVec3>();
-        let Some(normal) = area.try_normalize() else { return false };
         if corners.iter().any(|c| normal.dot(*c - corners[0]).abs() > margin) {
             return false;
         }

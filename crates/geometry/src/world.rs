@@ -289,19 +289,13 @@ impl World {
         met
     }
 
-    /// Corners of the facet that something that stopped a ray belongs to.
-    pub(crate) fn occluding_facet(&self, occluder: &Occluder) -> Option<Vec<DVec3>> {
+    /// The facet that something that stopped a ray belongs to.
+    pub(crate) fn occluding_facet(&self, occluder: &Occluder) -> Option<Facet> {
         let (index, triangle) = occluder.0?;
         let placed = self.placed.get(index as usize)?;
         let mesh = self.mesh_of(placed);
-        if triangle as usize >= mesh.triangle_count() {
-            return None;
-        }
-        let mut corners = mesh.facet(mesh.facet_of(triangle) as usize).corners;
-        if !placed.in_place {
-            corners.iter_mut().for_each(|c| *c = placed.to_world.transform_point3(*c));
-        }
-        Some(corners)
+        ((triangle as usize) < mesh.triangle_count())
+            .then(|| self.placed_facet(placed, mesh.facet_of(triangle) as usize))
     }
 
     /// Whether a triangle of what is placed stops a ray, by the numbers that decide for all triangles.
@@ -371,7 +365,11 @@ impl World {
             let material = self.ground.map_or(MaterialId(0), |g| g.material);
             return Facet { corners: Vec::new(), normal: DVec3::Z, area: f64::INFINITY, material };
         };
-        let placed = &self.placed[placed];
+        self.placed_facet(&self.placed[placed], index)
+    }
+
+    /// A facet of what is placed, in the world.
+    fn placed_facet(&self, placed: &Placed, index: usize) -> Facet {
         let mut facet = self.mesh_of(placed).facet(index);
         if !placed.in_place {
             for c in &mut facet.corners {

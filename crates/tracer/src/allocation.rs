@@ -14,7 +14,7 @@ use crate::render::{
 };
 use crate::sightline::Lattice;
 use crate::sun::LastSun;
-use crate::unseen::missed;
+use crate::unseen::{missed, replicates_of};
 
 /// The first samples of a block's pixels, one a replicate, lit at every time.
 pub(crate) struct First {
@@ -109,7 +109,7 @@ impl First {
 
     /// What one half of the replicates tells of each pixel at one time in one channel.
     fn seen(&self, t: usize, c: usize, half: usize) -> Vec<Seen> {
-        let replicates = half * REPLICATES / 2..(half + 1) * REPLICATES / 2;
+        let replicates = replicates_of(half);
         let of_pixel = |(radiance, facets): (&PixelRadiance, &[Option<FacetId>; REPLICATES])| {
             let kinds = std::array::from_fn::<_, { REPLICATES / 2 }, _>(|r| {
                 let r = replicates.start + r;
@@ -149,7 +149,7 @@ impl First {
     /// know their own variance badly, and may miss an edge that neighbours see.
     fn around(&self, i: usize, half: usize, value: impl Fn(usize) -> DVec4) -> DVec4 {
         let ((x, y), _) = self.block[i];
-        let met = |j: usize| &self.materials[j][half * REPLICATES / 2..(half + 1) * REPLICATES / 2];
+        let met = |j: usize| &self.materials[j][replicates_of(half)];
         let near = |j: &usize| {
             let ((u, v), _) = self.block[*j];
             x.abs_diff(u) <= 1 && y.abs_diff(v) <= 1 && met(*j).iter().any(|material| met(i).contains(material))

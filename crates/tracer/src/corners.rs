@@ -23,7 +23,7 @@ impl Corners {
     pub fn of_block(view: &View<'_>, (tile, block): (Tile, &[(u32, u32)]), paths: &Paths) -> Self {
         let (x, y) = block.iter().fold((u32::MAX, u32::MAX), |(x, y), (i, j)| (x.min(*i), y.min(*j)));
         let (right, below) = block.iter().fold((x, y), |(x, y), (i, j)| (x.max(*i), y.max(*j)));
-        let across = right.wrapping_sub(x) as usize + 2;
+        let across = (right - x) as usize + 2;
         let rays: Vec<Ray> = (y..=below + 1)
             .flat_map(|j| (x..=right + 1).map(move |i| (f64::from(tile.x + i), f64::from(tile.y + j))))
             .map(|(x, y)| (view.sight)(x, y))

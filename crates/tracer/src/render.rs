@@ -556,17 +556,12 @@ pub(crate) fn trace_pixel(
                 // Numbers of its own.
                 let mut stream = view.numbers(pixel, REPLICATES as u32 + u32::from(replicate));
                 let facets: Vec<Side> = later.iter().map(Sighting::facet).collect();
-                let traced = weights(&facets, half.traced.saturating_sub(1), &mut stream);
-                let kept = |weight: &f64| *weight > 0.0;
-                let facets: Vec<Side> = facets
-                    .into_iter()
-                    .zip(&traced)
-                    .filter(|(_, weight)| kept(weight))
-                    .map(|(facet, _)| facet)
-                    .collect();
-                let mut looks = weights(&facets, half.looks.saturating_sub(1), &mut stream).into_iter();
-                for (own, weight) in later.into_iter().zip(traced).filter(|(_, weight)| kept(weight)) {
-                    trace(own, [weight, looks.next().unwrap_or(1.0)], paths);
+                let weights_of = weights(&facets, half.traced.saturating_sub(1), &mut stream);
+                let traced: Vec<_> = later.into_iter().zip(weights_of).filter(|(_, weight)| *weight > 0.0).collect();
+                let facets: Vec<Side> = traced.iter().map(|(own, _)| own.facet()).collect();
+                let looks = weights(&facets, half.looks.saturating_sub(1), &mut stream);
+                for ((own, weight), looks) in traced.into_iter().zip(looks) {
+                    trace(own, [weight, looks], paths);
                 }
             }
         }

@@ -9,6 +9,7 @@
 //! is its mean square about the share that was found, 0.
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use smallvec::SmallVec;
 use sunglint_radiometry::REPLICATES;
@@ -31,6 +32,11 @@ pub(crate) fn missed(unseen: f64, n: f64) -> f64 {
 /// Which half of the replicates one belongs to.
 pub(crate) fn half_of(replicate: u8) -> usize {
     usize::from(replicate) * 2 / REPLICATES
+}
+
+/// The replicates of a half.
+pub(crate) const fn replicates_of(half: usize) -> Range<usize> {
+    half * REPLICATES / 2..(half + 1) * REPLICATES / 2
 }
 
 /// What the rays of each half found: one of those that were free, and whether any was stopped.
